@@ -1,0 +1,1 @@
+"""Experiments: the recipe of each study, and the reports they write."""

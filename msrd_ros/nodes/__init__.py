@@ -1,0 +1,1 @@
+"""Nodes: thin rclpy shells of parameters, topics and timers around the wings."""
