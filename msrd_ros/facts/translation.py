@@ -1,0 +1,225 @@
+"""The one translation between robot messages and learner arrays.
+
+Bags on disk, bags being played, rollouts over topics and the live executor all read messages with the
+functions and classes below, so that the same motion gives the same arrays whichever way it came. Messages
+are taken by their fields alone: rclpy's classes and those of a bag reader serve alike.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.facts.episode import CONTROL_PERIOD_S, HORIZON, Episode
+from msrd_ros.facts.errors import UserError
+from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES
+
+NANOSECONDS = 1_000_000_000
+
+BALL_IN_FLIGHT_M = 0.05
+"""The ball counts as launched once it has moved this far from where it rested."""
+
+
+def stamp_to_ns(stamp: Any) -> int:
+    """Time of a builtin_interfaces/Time in nanoseconds."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def ns_to_stamp(time_ns: int, stamp: Any) -> None:
+    """Write a time in nanoseconds into a builtin_interfaces/Time."""
+    stamp.sec, stamp.nanosec = divmod(int(time_ns), NANOSECONDS)
+
+
+class JointStateTranslator:
+    """Reads sensor_msgs/JointState: right_j0..right_j6 by name, in any order, extra joints ignored.
+
+    Parameters
+    ----------
+    where
+        What to blame in errors, for example ``topic joint_states``.
+    """
+
+    def __init__(self, where: str = "topic joint_states") -> None:
+        self._where = where
+        self._names: tuple[str, ...] = ()
+        self._order: NDArray[np.intp] = np.arange(0)
+
+    def read(self, message: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Positions (7,) in rad and velocities (7,) in rad/s.
+
+        Raises
+        ------
+        UserError
+            If a joint is missing, a field is too short or a value is not finite; names the joint.
+        """
+        names = tuple(message.name)
+        if names != self._names:
+            self._order = self._find(names)
+            self._names = names
+        return self._take(message.position, "position"), self._take(message.velocity, "velocity")
+
+    def _find(self, names: tuple[str, ...]) -> NDArray[np.intp]:
+        missing = [joint for joint in JOINT_NAMES if joint not in names]
+        if missing:
+            raise UserError(
+                f"{self._where}: joint {', '.join(missing)} is missing; "
+                f"publish all of {JOINT_NAMES[0]}..{JOINT_NAMES[-1]} in one message"
+            )
+        return np.array([names.index(joint) for joint in JOINT_NAMES])
+
+    def _take(self, values: Any, field: str) -> NDArray[np.float64]:
+        array = np.asarray(values, dtype=np.float64)
+        if array.size < len(self._names):
+            raise UserError(
+                f"{self._where}: {array.size} {field} values for {len(self._names)} joints; "
+                f"the driver must fill the field {field} of every joint"
+            )
+        taken = array[self._order]
+        if not np.isfinite(taken).all():
+            joint = JOINT_NAMES[int(np.flatnonzero(~np.isfinite(taken))[0])]
+            raise UserError(f"{self._where}: {field} of joint {joint} is not finite; check the driver")
+        return taken
+
+
+def read_ball_position(message: Any, where: str = "topic ball/position") -> NDArray[np.float64]:
+    """Position (3,) in m from geometry_msgs/PointStamped.
+
+    Raises
+    ------
+    UserError
+        If a coordinate is not finite.
+    """
+    position = np.array([message.point.x, message.point.y, message.point.z])
+    if not np.isfinite(position).all():
+        raise UserError(f"{where}: position {position} is not finite; check the camera")
+    return position
+
+
+class BallTracker:
+    """Turns ball samples into position and velocity as a policy sees them.
+
+    The velocity is the difference of the last two different samples over their stamps; zero while there
+    is only one. The ball counts as in flight from the first sample that lies `BALL_IN_FLIGHT_M` nearer to
+    the robot than where the ball rested.
+    """
+
+    def __init__(self) -> None:
+        self.position: NDArray[np.float64] = np.zeros(3)
+        self.velocity: NDArray[np.float64] = np.zeros(3)
+        self.in_flight = False
+        self._stamp_ns = -1
+        self._rest: NDArray[np.float64] | None = None
+
+    def add(self, position: NDArray[np.float64], stamp_ns: int) -> None:
+        """Take the newest sample; one with an old stamp (no new camera frame) changes nothing."""
+        if self._rest is None:
+            self._rest = position
+        elif stamp_ns <= self._stamp_ns:
+            return
+        else:
+            self.velocity = (position - self.position) * (NANOSECONDS / (stamp_ns - self._stamp_ns))
+            self.in_flight = self.in_flight or bool(self._rest[0] - position[0] > BALL_IN_FLIGHT_M)
+        self.position, self._stamp_ns = position, stamp_ns
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the newest sample; -1 before the first."""
+        return self._stamp_ns
+
+
+class EpisodeAssembler:
+    """Collects the messages of one stroke and samples them at the control rate.
+
+    Time zero is the last joint state at which the ball still rested. Joint states are interpolated; of the
+    ball the newest sample that had arrived by each tick counts, as it does for the live executor.
+    """
+
+    def __init__(self, label: StrategyLabel, subject: str = "", source: str = "topics") -> None:
+        self._label = label
+        self._subject = subject
+        self._source = source
+        self._joints = JointStateTranslator(f"{source}: joint_states")
+        self._joint_rows: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
+        self._ball_rows: list[tuple[int, NDArray[np.float64]]] = []
+
+    def add_joint_state(self, message: Any) -> None:
+        """Take a sensor_msgs/JointState."""
+        time_ns = stamp_to_ns(message.header.stamp)
+        if not self._joint_rows or time_ns > self._joint_rows[-1][0]:
+            self._joint_rows.append((time_ns, *self._joints.read(message)))
+
+    def add_ball_position(self, message: Any) -> None:
+        """Take a geometry_msgs/PointStamped."""
+        time_ns = stamp_to_ns(message.header.stamp)
+        if not self._ball_rows or time_ns > self._ball_rows[-1][0]:
+            self._ball_rows.append((time_ns, read_ball_position(message, f"{self._source}: ball/position")))
+
+    def assemble(self, horizon: int = HORIZON, period_s: float = CONTROL_PERIOD_S) -> Episode:
+        """The stroke as arrays.
+
+        Parameters
+        ----------
+        horizon
+            Number of steps T; the arrays have T + 1 rows.
+        period_s
+            Control period in seconds.
+
+        Raises
+        ------
+        UserError
+            If there is nothing to assemble, the ball never flies, or the recording ends too early.
+        """
+        if len(self._joint_rows) < 2 or len(self._ball_rows) < 2:
+            raise UserError(
+                f"{self._source}: {len(self._joint_rows)} joint states and {len(self._ball_rows)} ball "
+                f"positions are too few for a stroke; record joint_states and ball/position"
+            )
+        joint_times = np.array([row[0] for row in self._joint_rows], dtype=np.int64)
+        start = self._launch_ns(joint_times)
+        ticks = start + np.round(np.arange(horizon + 1) * period_s * NANOSECONDS).astype(np.int64)
+        # The last tick may fall between two samples of the recording's end.
+        period_ns = int(period_s * NANOSECONDS)
+        if ticks[-1] > joint_times[-1] + period_ns:
+            raise UserError(
+                f"{self._source}: the recording ends {(joint_times[-1] - start) / NANOSECONDS:.2f} s after "
+                f"the launch; {horizon * period_s:.2f} s are needed, so record on until the ball is down"
+            )
+        positions = self._interpolate(ticks, joint_times, 1)
+        velocities = self._interpolate(ticks, joint_times, 2)
+        ball_position, ball_velocity = self._track_ball(ticks)
+        return Episode(
+            self._label, positions, velocities, ball_position, ball_velocity, self._subject, self._source
+        )
+
+    def _launch_ns(self, joint_times: NDArray[np.int64]) -> int:
+        tracker = BallTracker()
+        resting = self._ball_rows[0][0]
+        for time_ns, position in self._ball_rows:
+            tracker.add(position, time_ns)
+            if tracker.in_flight:
+                index = int(np.searchsorted(joint_times, resting, side="right")) - 1
+                return int(joint_times[max(index, 0)])
+            resting = time_ns
+        raise UserError(f"{self._source}: the ball never flies towards the robot; record the whole rally")
+
+    def _interpolate(
+        self, ticks: NDArray[np.int64], times: NDArray[np.int64], column: int
+    ) -> NDArray[np.float64]:
+        values = np.array([row[column] for row in self._joint_rows])
+        since = (times - times[0]).astype(np.float64)
+        wanted = (ticks - times[0]).astype(np.float64)
+        return np.stack([np.interp(wanted, since, values[:, j]) for j in range(JOINT_COUNT)], axis=1)
+
+    def _track_ball(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        stamps = np.array([row[0] for row in self._ball_rows], dtype=np.int64)
+        newest = np.maximum(np.searchsorted(stamps, ticks, side="right") - 1, 0)
+        tracker = BallTracker()
+        position = np.empty((len(ticks), 3))
+        velocity = np.empty((len(ticks), 3))
+        for step, index in enumerate(newest):
+            tracker.add(self._ball_rows[index][1], int(stamps[index]))
+            position[step], velocity[step] = tracker.position, tracker.velocity
+        return position, velocity
