@@ -1,0 +1,40 @@
+"""Parameters as data: dataclass fields that know their description, unit and range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class ParameterFacts:
+    """What a user is told about a parameter, and what is refused."""
+
+    description: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """Description with unit and choices, as `ros2 param describe` shows it."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        choices = f" One of: {', '.join(self.choices)}." if self.choices else ""
+        return f"{self.description}{unit}{choices}"
+
+
+def parameter(
+    default: Any,
+    description: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Declare a dataclass field that becomes a ROS parameter of the same name."""
+    facts = ParameterFacts(description, unit, low, high, choices)
+    if isinstance(default, list):
+        return field(default_factory=lambda: list(default), metadata={"parameter": facts})
+    return field(default=default, metadata={"parameter": facts})

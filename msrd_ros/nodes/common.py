@@ -1,0 +1,268 @@
+"""What all nodes share: parameters from dataclasses, quality of service, diagnostics, start and stop."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    ParameterUninitializedException,
+)
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from msrd_ros.facts.errors import UserError
+from msrd_ros.facts.parameters import ParameterFacts
+
+Config = TypeVar("Config")
+
+
+def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=durability,
+    )
+
+
+LATCHED = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
+"""strategy, policy, robot_description: a late joiner still gets the newest."""
+COMMAND = _reliable(1)
+"""joint_command, teach/hand: only the newest command counts."""
+EVENT = _reliable(100)
+"""rally/outcome, feed."""
+STATE = _reliable(1000)
+"""joint_states, ball/position, ball/odometry."""
+
+_OWN_PARAMETERS = ("use_sim_time", "start_type_description_service")
+
+
+class Finished(Exception):
+    """Raised inside a callback when a node's work is done; `run` then ends the process.
+
+    Parameters
+    ----------
+    exit_code
+        Exit status of the process.
+    """
+
+    def __init__(self, exit_code: int = 0) -> None:
+        super().__init__(exit_code)
+        self.exit_code = exit_code
+
+
+def _descriptor(facts: ParameterFacts, default: object) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=facts.text)
+    if facts.low is None and facts.high is None:
+        return descriptor
+    if isinstance(default, int) and not isinstance(default, bool):
+        low = -(2**63) if facts.low is None else int(facts.low)
+        high = 2**63 - 1 if facts.high is None else int(facts.high)
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
+    else:
+        low_f = -1.7e308 if facts.low is None else float(facts.low)
+        high_f = 1.7e308 if facts.high is None else float(facts.high)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low_f, to_value=high_f, step=0.0)]
+    return descriptor
+
+
+def _parameter_type(default: object) -> Parameter.Type:
+    if isinstance(default, list) and not default:
+        return Parameter.Type.STRING_ARRAY
+    return Parameter.Type.from_parameter_value(default)
+
+
+def read_parameters(node: Node, config_type: type[Config]) -> Config:
+    """Declare every field of a dataclass as a parameter of `node` and fill the dataclass from them.
+
+    Raises
+    ------
+    UserError
+        If a parameter has the wrong type, lies out of its range or does not exist; names it.
+    """
+    values: dict[str, Any] = {}
+    name = node.get_name()
+    for field in dataclasses.fields(config_type):  # type: ignore[arg-type]
+        facts: ParameterFacts = field.metadata["parameter"]
+        default = field.default if field.default is not dataclasses.MISSING else field.default_factory()  # type: ignore[misc]
+        descriptor = _descriptor(facts, default)
+        descriptor.type = _parameter_type(default).value
+        _widen_integer_override(node, field.name, default)
+        try:
+            value = node.declare_parameter(field.name, default or _typed_empty(default), descriptor).value
+        except InvalidParameterTypeException:
+            given = node._parameter_overrides[field.name].value
+            raise UserError(
+                f"parameter {field.name} of {name}: {given!r} has the wrong type; give "
+                f"{_parameter_type(default).name.lower().replace('_', ' ')}, such as {default!r}"
+            ) from None
+        except (InvalidParameterValueException, ParameterUninitializedException):
+            given = node._parameter_overrides[field.name].value
+            raise UserError(
+                f"parameter {field.name} of {name}: {given!r} is out of range; "
+                f"give a value from {facts.low} to {facts.high} {facts.unit}".rstrip()
+            ) from None
+        if facts.choices and value not in facts.choices:
+            raise UserError(
+                f"parameter {field.name} of {name}: {value!r} is unknown; use one of {', '.join(facts.choices)}"
+            )
+        values[field.name] = list(value or []) if isinstance(default, list) else value
+    _refuse_unknown(node, values)
+    return config_type(**values)
+
+
+def _typed_empty(default: Any) -> Any:
+    # An empty list has no type that rclpy could infer; the descriptor's type says what it is.
+    return Parameter.Type.STRING_ARRAY if default == [] else default
+
+
+def _widen_integer_override(node: Node, name: str, default: object) -> None:
+    """Let `2` stand for `2.0`: YAML and command lines write whole numbers without a point."""
+    override = node._parameter_overrides.get(name)
+    if override is not None and isinstance(default, float) and override.type_ == Parameter.Type.INTEGER:
+        node._parameter_overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(override.value))
+
+
+def _refuse_unknown(node: Node, known: Mapping[str, object]) -> None:
+    for name in node._parameter_overrides:
+        if name not in known and name not in _OWN_PARAMETERS and not name.startswith("qos_overrides"):
+            raise UserError(
+                f"parameter {name} is unknown to {node.get_name()}; it has {', '.join(sorted(known))}"
+            )
+
+
+def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Any:
+    """Start a timer on the steady clock: watchdogs must not stop with simulated time."""
+    return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def status(name: str, message: str, values: Mapping[str, object], level: bytes = b"\x00") -> DiagnosticStatus:
+    """A diagnostic status; floats are written so that they read back exactly."""
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        values=[KeyValue(key=key, value=write_value(value)) for key, value in values.items()],
+    )
+
+
+def write_value(value: object) -> str:
+    """Text of a value in a KeyValue: repr of floats, lower-case booleans."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+class StackNode(Node):
+    """A node with parameters from a dataclass and a line in /diagnostics once a second."""
+
+    def __init__(self, name: str, config_type: type[Any], **options: Any) -> None:
+        super().__init__(name, **options)
+        self.config = read_parameters(self, config_type)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        steady_timer(self, 1.0, self._publish_diagnostics)
+
+    def diagnose(self) -> tuple[str, Mapping[str, object]]:
+        """One line on how the node is doing, and its figures. Nodes override this."""
+        return "running", {}
+
+    def _publish_diagnostics(self) -> None:
+        message, values = self.diagnose()
+        array = DiagnosticArray(status=[status(self.get_name(), message, values)])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+    def on_change(self, names: tuple[str, ...], apply: Callable[[str, Any], None]) -> None:
+        """Let `apply` take changes of the named parameters while running; all others are refused."""
+
+        def accept(parameters: list[Parameter]) -> SetParametersResult:
+            for item in parameters:
+                if item.name not in names:
+                    return SetParametersResult(
+                        successful=False, reason=f"{item.name} can only be set when the node starts"
+                    )
+                try:
+                    apply(item.name, item.value)
+                except UserError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=True)
+
+        self.add_on_set_parameters_callback(accept)
+
+
+def run(
+    name: str, make_node: Callable[[], Node], argv: list[str] | None = None, description: str = ""
+) -> int:
+    """Run a node until it finishes or is told to stop; the body of every executable's `main`.
+
+    Parameters
+    ----------
+    name
+        The executable's name, to begin an error line with.
+    make_node
+        Builds the node, after rclpy is up.
+    argv
+        Command line without the program's name; the process's own when None.
+    description
+        What `--help` says.
+
+    Returns
+    -------
+    Exit status: 0 after work done, SIGINT or SIGTERM; 2 after a `UserError`.
+    """
+    arguments = sys.argv[1:] if argv is None else argv
+    node: Node | None = None
+    code = 0
+    try:
+        _answer_help(name, arguments, description)
+        try:
+            rclpy.init(args=[name, *arguments])
+        except Exception as error:  # rclpy raises RCLError and UnknownROSArgsError for unusable arguments
+            raise UserError(f"command line: {str(error).splitlines()[0]}; see --help") from None
+        node = make_node()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except Finished as finished:
+        code = finished.exit_code
+    except UserError as error:
+        print(f"{name}: error: {error}", file=sys.stderr, flush=True)
+        code = 2
+    finally:
+        # A second Ctrl-C must not cut the clean-up short.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if node is not None:
+            close = getattr(node, "close", None)
+            if close is not None:
+                close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return code
+
+
+def _answer_help(name: str, arguments: list[str], description: str) -> None:
+    own = arguments[: arguments.index("--ros-args")] if "--ros-args" in arguments else arguments
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=description,
+        epilog="Parameters: --ros-args -p name:=value or --params-file FILE; `ros2 param describe` tells each.",
+    )
+    _, unknown = parser.parse_known_args(own)
+    if unknown:
+        raise UserError(f"command line: unknown argument {unknown[0]!r}; parameters follow --ros-args -p")
