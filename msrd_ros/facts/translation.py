@@ -19,8 +19,11 @@ from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES
 
 NANOSECONDS = 1_000_000_000
 
-BALL_IN_FLIGHT_M = 0.05
-"""The ball counts as launched once it has moved this far from where it rested."""
+FEED_SPEED_M_S = 2.5
+"""A ball on the far half that comes towards the robot faster than this has been fed."""
+
+ANOTHER_BALL_M_S = 20.0
+"""Samples further apart than a ball can fly are of two balls: the old one is gone, a new one is ready."""
 
 
 def stamp_to_ns(stamp: Any) -> int:
@@ -102,38 +105,34 @@ class BallTracker:
     """Turns ball samples into position and velocity as a policy sees them.
 
     The velocity is the difference of the last two different samples over their stamps; zero while there
-    is only one. The ball counts as in flight from the first sample that lies `BALL_IN_FLIGHT_M` nearer to
-    the robot than where the ball rested.
+    is only one. The ball counts as fed from the first sample on the far half (x > 0) that comes towards
+    the robot faster than `FEED_SPEED_M_S`, until another ball takes its place.
     """
 
     def __init__(self) -> None:
         self.position: NDArray[np.float64] = np.zeros(3)
         self.velocity: NDArray[np.float64] = np.zeros(3)
-        self.in_flight = False
-        self._stamp_ns = -1
-        self._rest: NDArray[np.float64] | None = None
+        self.fed = False
+        self.stamp_ns = -1
 
     def add(self, position: NDArray[np.float64], stamp_ns: int) -> None:
         """Take the newest sample; one with an old stamp (no new camera frame) changes nothing."""
-        if self._rest is None:
-            self._rest = position
-        elif stamp_ns <= self._stamp_ns:
+        if stamp_ns <= self.stamp_ns:
             return
-        else:
-            self.velocity = (position - self.position) * (NANOSECONDS / (stamp_ns - self._stamp_ns))
-            self.in_flight = self.in_flight or bool(self._rest[0] - position[0] > BALL_IN_FLIGHT_M)
-        self.position, self._stamp_ns = position, stamp_ns
-
-    @property
-    def stamp_ns(self) -> int:
-        """Stamp of the newest sample; -1 before the first."""
-        return self._stamp_ns
+        if self.stamp_ns >= 0:
+            self.velocity = (position - self.position) * (NANOSECONDS / (stamp_ns - self.stamp_ns))
+            if float(self.velocity @ self.velocity) > ANOTHER_BALL_M_S**2:
+                self.velocity = np.zeros(3)
+                self.fed = False
+            elif position[0] > 0.0 and self.velocity[0] < -FEED_SPEED_M_S:
+                self.fed = True
+        self.position, self.stamp_ns = position, stamp_ns
 
 
 class EpisodeAssembler:
     """Collects the messages of one stroke and samples them at the control rate.
 
-    Time zero is the last joint state at which the ball still rested. Joint states are interpolated; of the
+    Time zero is the last joint state before the ball was seen flying. Joint states are interpolated; of the
     ball the newest sample that had arrived by each tick counts, as it does for the live executor.
     """
 
@@ -196,13 +195,13 @@ class EpisodeAssembler:
 
     def _launch_ns(self, joint_times: NDArray[np.int64]) -> int:
         tracker = BallTracker()
-        resting = self._ball_rows[0][0]
+        before = self._ball_rows[0][0]
         for time_ns, position in self._ball_rows:
             tracker.add(position, time_ns)
-            if tracker.in_flight:
-                index = int(np.searchsorted(joint_times, resting, side="right")) - 1
+            if tracker.fed:
+                index = int(np.searchsorted(joint_times, before, side="right")) - 1
                 return int(joint_times[max(index, 0)])
-            resting = time_ns
+            before = time_ns
         raise UserError(f"{self._source}: the ball never flies towards the robot; record the whole rally")
 
     def _interpolate(

@@ -50,7 +50,7 @@ STATE = _reliable(1000)
 _OWN_PARAMETERS = ("use_sim_time", "start_type_description_service")
 
 
-class Finished(Exception):
+class Finished(Exception):  # noqa: N818 - an end, not an error
     """Raised inside a callback when a node's work is done; `run` then ends the process.
 
     Parameters
@@ -117,7 +117,8 @@ def read_parameters(node: Node, config_type: type[Config]) -> Config:
             ) from None
         if facts.choices and value not in facts.choices:
             raise UserError(
-                f"parameter {field.name} of {name}: {value!r} is unknown; use one of {', '.join(facts.choices)}"
+                f"parameter {field.name} of {name}: {value!r} is unknown; "
+                f"use one of {', '.join(facts.choices)}"
             )
         values[field.name] = list(value or []) if isinstance(default, list) else value
     _refuse_unknown(node, values)
@@ -261,7 +262,7 @@ def _answer_help(name: str, arguments: list[str], description: str) -> None:
     parser = argparse.ArgumentParser(
         prog=name,
         description=description,
-        epilog="Parameters: --ros-args -p name:=value or --params-file FILE; `ros2 param describe` tells each.",
+        epilog="Parameters follow --ros-args, as -p name:=value or --params-file FILE.",
     )
     _, unknown = parser.parse_known_args(own)
     if unknown:

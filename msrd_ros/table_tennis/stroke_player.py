@@ -1,0 +1,131 @@
+"""Plays one learned strategy: ready pose, stroke, rest; the same code on topics and in process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.facts.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity, observe
+from msrd_ros.facts.motion_limits import JointReference, shape_command, velocity_towards
+from msrd_ros.facts.translation import BallTracker
+
+PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Maps an observation (13,) to an action (7,)."""
+
+READY_TOLERANCE_RAD = 1e-5
+
+
+class Phase(Enum):
+    """What the arm is doing."""
+
+    READYING = "moving to the ready pose"
+    READY = "ready"
+    STROKE = "playing"
+    RESTING = "coming to rest"
+
+
+class StrokePlayer:
+    """Turns ticks of the control loop into commands.
+
+    Between balls the reference moves to the ready pose and rests there. From the first sample that shows a
+    fed ball the policy acts for `ACTING_STEPS` ticks; then the arm comes to rest until the episode is over.
+    A ball that is fed before the arm is ready is let through.
+
+    Parameters
+    ----------
+    joint_position
+        Where the joints are now, shape (7,), rad.
+    """
+
+    def __init__(self, joint_position: NDArray[np.float64]) -> None:
+        self.reference = JointReference(joint_position.copy(), np.zeros(7))
+        self.phase = Phase.READYING
+        self._policy: PolicyFunction | None = None
+        self._ready_pose: NDArray[np.float64] = joint_position.copy()
+        self._ball = BallTracker()
+        self._step = 0
+
+    @property
+    def between_strokes(self) -> bool:
+        """Whether a strategy or a policy may be exchanged now."""
+        return self.phase in (Phase.READYING, Phase.READY)
+
+    @property
+    def step(self) -> int:
+        """Ticks since the ball was fed."""
+        return self._step
+
+    def prepare(self, policy: PolicyFunction | None, ready_pose: NDArray[np.float64]) -> None:
+        """Take the strategy to play next; only between strokes."""
+        self._policy = policy
+        self._ready_pose = np.array(ready_pose, dtype=np.float64)
+        self.phase = Phase.READYING
+
+    def tick(
+        self,
+        joint_position: NDArray[np.float64],
+        ball_position: NDArray[np.float64],
+        ball_stamp_ns: int,
+        period_s: float = CONTROL_PERIOD_S,
+    ) -> JointReference:
+        """Next command: joint positions and velocities one control period from now.
+
+        Parameters
+        ----------
+        joint_position
+            As measured, shape (7,), rad.
+        ball_position
+            Newest camera sample, shape (3,), m.
+        ball_stamp_ns
+            When it was taken.
+        period_s
+            Control period.
+
+        Raises
+        ------
+        UserError
+            If the policy's output is not a number; the caller then holds still.
+        """
+        was_fed = self._ball.fed
+        self._ball.add(ball_position, ball_stamp_ns)
+        if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
+            self.phase, self._step = Phase.STROKE, 0
+        if self.phase is Phase.STROKE:
+            assert self._policy is not None
+            action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
+            self.reference = shape_command(self.reference, action_to_velocity(action), period_s)
+        elif self.phase is Phase.RESTING:
+            self.reference = shape_command(self.reference, np.zeros(7), period_s)
+        else:
+            self._move_to_ready(period_s)
+        self._count()
+        return self.reference
+
+    def hold(self, period_s: float = CONTROL_PERIOD_S) -> JointReference:
+        """Decelerate to a stop and stay: for stale inputs, a disabled executor or an unusable policy."""
+        self.phase = Phase.RESTING if self.phase is Phase.STROKE else self.phase
+        self.reference = shape_command(self.reference, np.zeros(7), period_s)
+        return self.reference
+
+    def _move_to_ready(self, period_s: float) -> None:
+        wanted = velocity_towards(self.reference, self._ready_pose, period_s)
+        reference = shape_command(self.reference, wanted, period_s)
+        close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
+        slow = np.abs(reference.velocity).max() * period_s < READY_TOLERANCE_RAD
+        if close and slow:
+            # Land exactly, so that every stroke from this pose starts from the same numbers.
+            reference = JointReference(self._ready_pose.copy(), np.zeros(7))
+            self.phase = Phase.READY
+        self.reference = reference
+
+    def _count(self) -> None:
+        if self.phase not in (Phase.STROKE, Phase.RESTING):
+            return
+        self._step += 1
+        if self._step >= HORIZON - 1:
+            self.phase = Phase.READYING
+        elif self._step >= ACTING_STEPS:
+            self.phase = Phase.RESTING
