@@ -97,7 +97,7 @@ def read_parameters(node: Node, config_type: type[Config]) -> Config:
     name = node.get_name()
     for field in dataclasses.fields(config_type):  # type: ignore[arg-type]
         facts: ParameterFacts = field.metadata["parameter"]
-        default = field.default if field.default is not dataclasses.MISSING else field.default_factory()  # type: ignore[misc]
+        default = _default_of(field)
         descriptor = _descriptor(facts, default)
         descriptor.type = _parameter_type(default).value
         _widen_integer_override(node, field.name, default)
@@ -123,6 +123,13 @@ def read_parameters(node: Node, config_type: type[Config]) -> Config:
         values[field.name] = list(value or []) if isinstance(default, list) else value
     _refuse_unknown(node, values)
     return config_type(**values)
+
+
+def _default_of(field: dataclasses.Field[Any]) -> Any:
+    if field.default is not dataclasses.MISSING:
+        return field.default
+    assert field.default_factory is not dataclasses.MISSING
+    return field.default_factory()
 
 
 def _typed_empty(default: Any) -> Any:

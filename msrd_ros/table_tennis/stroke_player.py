@@ -43,6 +43,7 @@ class StrokePlayer:
     def __init__(self, joint_position: NDArray[np.float64]) -> None:
         self.reference = JointReference(joint_position.copy(), np.zeros(7))
         self.phase = Phase.READYING
+        self.strokes_begun = 0
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = joint_position.copy()
         self._ball = BallTracker()
@@ -93,6 +94,7 @@ class StrokePlayer:
         self._ball.add(ball_position, ball_stamp_ns)
         if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
             self.phase, self._step = Phase.STROKE, 0
+            self.strokes_begun += 1
         if self.phase is Phase.STROKE:
             assert self._policy is not None
             action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))

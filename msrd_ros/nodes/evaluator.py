@@ -1,0 +1,162 @@
+"""Evaluator node: feeds balls to the executor on seeds of its own and reports the rates."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Header
+from tqdm import tqdm
+from trajectory_msgs.msg import JointTrajectory
+
+from msrd_ros.facts.errors import UserError
+from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.facts.outcome import Outcome
+from msrd_ros.facts.parameters import parameter
+from msrd_ros.learning.policy_set import PolicySet
+from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
+from msrd_ros.nodes.messages import feed_to_message, outcome_from_message, strategy_message
+from msrd_ros.table_tennis.feeder import FEED_SPREADS, sample_feed
+from msrd_ros.table_tennis.rates import LabelRates, format_table
+
+EVALUATION_STREAM = 0x5EED
+"""Mixed into the seed, so that no evaluation ball is ever one that training draws from the same seed."""
+
+
+@dataclass(frozen=True)
+class EvaluatorConfig:
+    """Parameters of the evaluator."""
+
+    labels: list[str] = parameter([str(label) for label in ALL_LABELS], "Strategies to play")
+    balls: int = parameter(100, "Balls per strategy", low=1, high=100_000)
+    seed: int = parameter(0, "Seed of the feeds", low=0)
+    spread: str = parameter("standard", "Spread of the feeds", choices=tuple(FEED_SPREADS))
+    checkpoint: str = parameter("", "Policy set whose demonstrations' landing points are aimed at")
+    report: str = parameter("", "JSON file to write; empty: none")
+    timeout_s: float = parameter(
+        20.0, "How long to wait for simulator, executor and each outcome", unit="s", low=0.5, high=600.0
+    )
+
+
+class Evaluator(StackNode):
+    """One ball after the other: strategy, feed, outcome."""
+
+    config: EvaluatorConfig
+
+    def __init__(self) -> None:
+        super().__init__("evaluator", EvaluatorConfig)
+        labels = [StrategyLabel.parse(text, "parameter labels of evaluator") for text in self.config.labels]
+        self._balls = [label for label in labels for _ in range(self.config.balls)]
+        self._outcomes: dict[StrategyLabel, list[Outcome]] = {label: [] for label in labels}
+        self._landing_points = self._read_landing_points()
+        self._rng = np.random.default_rng((EVALUATION_STREAM, self.config.seed))
+        self._index = 0
+        self._waiting_for = "command"
+        self._since_s = time.monotonic()
+        self._begun_s = time.monotonic()
+        self._strategy = self.create_publisher(Header, "strategy", LATCHED)
+        self._feed = self.create_publisher(Odometry, "feed", EVENT)
+        self.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
+        self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
+        self._progress = tqdm(total=len(self._balls), unit="ball", desc="evaluate", smoothing=0.05)
+        steady_timer(self, 0.5, self._watch)
+        self._ask()
+
+    def close(self) -> None:
+        """Leave the terminal tidy."""
+        self._progress.close()
+
+    def diagnose(self) -> tuple[str, dict[str, object]]:
+        returned = sum(outcome.returned for outcomes in self._outcomes.values() for outcome in outcomes)
+        return "playing", {"balls": self._index, "of": len(self._balls), "returned": returned}
+
+    def _read_landing_points(self) -> dict[StrategyLabel, np.ndarray]:
+        if not self.config.checkpoint:
+            return {}
+        policies = PolicySet.load(Path(self.config.checkpoint).expanduser())
+        return dict(zip(policies.labels, policies.landing_points, strict=True))
+
+    @property
+    def _label(self) -> StrategyLabel:
+        return self._balls[self._index]
+
+    def _ask(self) -> None:
+        self._strategy.publish(strategy_message(self._label, self.get_clock().now().to_msg()))
+        self._waiting_for, self._since_s = "command", time.monotonic()
+
+    def _on_command(self, message: JointTrajectory) -> None:
+        # The executor serves the strategy; the simulator launches once the arm rests in its ready pose.
+        if self._waiting_for != "command" or message.header.frame_id != str(self._label):
+            return
+        if not self._feed.get_subscription_count():
+            return
+        feed = sample_feed(self._label.side, FEED_SPREADS[self.config.spread], self._rng)
+        self._feed.publish(feed_to_message(feed))
+        self._waiting_for, self._since_s = "outcome", time.monotonic()
+
+    def _on_outcome(self, message: DiagnosticArray) -> None:
+        if self._waiting_for != "outcome":
+            return
+        label, outcome = outcome_from_message(message)
+        if label != self._label:
+            return
+        self._outcomes[self._label].append(outcome)
+        self._index += 1
+        self._progress.update()
+        row = self._outcomes[label]
+        self._progress.set_postfix_str(f"{label} {sum(o.returned for o in row)}/{len(row)} returned")
+        if self._index == len(self._balls):
+            self._finish()
+        self._ask()
+
+    def _watch(self) -> None:
+        if time.monotonic() - self._since_s < self.config.timeout_s:
+            return
+        if self._waiting_for == "outcome":
+            raise UserError(
+                f"no rally/outcome for ball {self._index} ({self._label}) within {self.config.timeout_s:g} s; "
+                f"check that simulator and executor still run"
+            )
+        if not self.count_publishers("rally/outcome"):
+            raise UserError(
+                f"no simulator on domain {self._domain()}: nobody publishes rally/outcome; "
+                f"start it, or set the same ROS_DOMAIN_ID"
+            )
+        if not self.count_publishers("joint_command"):
+            raise UserError("no executor: nobody publishes joint_command; start one with a checkpoint")
+        raise UserError(
+            f"the executor does not take up strategy {self._label}; check its checkpoint and its log"
+        )
+
+    def _domain(self) -> int:
+        return int(self.context.get_domain_id())
+
+    def _finish(self) -> None:
+        self._progress.close()
+        rates = {
+            str(label): LabelRates.of(label.stroke, outcomes, self._landing_points.get(label))
+            for label, outcomes in self._outcomes.items()
+        }
+        print(format_table(rates), flush=True)
+        if self.config.report:
+            report = {
+                "seed": self.config.seed,
+                "spread": self.config.spread,
+                "seconds": time.monotonic() - self._begun_s,
+                "labels": {label: row.to_json() for label, row in rates.items()},
+            }
+            path = Path(self.config.report).expanduser()
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
+            print(f"written to {path}", flush=True)
+        raise Finished(0)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Start the evaluator."""
+    return run("evaluator", Evaluator, argv, __doc__)
