@@ -21,7 +21,7 @@ from msrd_ros.facts.parameters import parameter
 from msrd_ros.learning.policy_set import PolicySet
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import feed_to_message, outcome_from_message, strategy_message
-from msrd_ros.table_tennis.feeder import FEED_SPREADS, sample_feed
+from msrd_ros.table_tennis.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.rates import LabelRates, format_table
 
 EVALUATION_STREAM = 0x5EED
@@ -35,7 +35,7 @@ class EvaluatorConfig:
     labels: list[str] = parameter([str(label) for label in ALL_LABELS], "Strategies to play")
     balls: int = parameter(100, "Balls per strategy", low=1, high=100_000)
     seed: int = parameter(0, "Seed of the feeds", low=0)
-    spread: str = parameter("standard", "Spread of the feeds", choices=tuple(FEED_SPREADS))
+    spread: str = parameter("standard", "Spread of the feeds", choices=tuple(SPREADS))
     checkpoint: str = parameter("", "Policy set whose demonstrations' landing points are aimed at")
     report: str = parameter("", "JSON file to write; empty: none")
     timeout_s: float = parameter(
@@ -95,7 +95,7 @@ class Evaluator(StackNode):
             return
         if not self._feed.get_subscription_count():
             return
-        feed = sample_feed(self._label.side, FEED_SPREADS[self.config.spread], self._rng)
+        feed = Feeder().sample(self._label.side, SPREADS[self.config.spread], self._rng)
         self._feed.publish(feed_to_message(feed))
         self._waiting_for, self._since_s = "outcome", time.monotonic()
 

@@ -26,9 +26,9 @@ def feed_to_message(feed: Feed, stamp: Any = None) -> Odometry:
     if stamp is not None:
         message.header.stamp = stamp
     point, twist = message.pose.pose.position, message.twist.twist
-    point.x, point.y, point.z = map(float, feed.position)
-    twist.linear.x, twist.linear.y, twist.linear.z = map(float, feed.velocity)
-    twist.angular.x, twist.angular.y, twist.angular.z = map(float, feed.spin)
+    point.x, point.y, point.z = feed.position
+    twist.linear.x, twist.linear.y, twist.linear.z = feed.velocity
+    twist.angular.x, twist.angular.y, twist.angular.z = feed.spin
     return message
 
 
@@ -44,13 +44,12 @@ def feed_from_message(message: Odometry) -> Feed:
         if frame not in (WORLD, ""):
             raise UserError(f"topic feed: frame {frame!r} is unknown; give the launch in frame {WORLD!r}")
     point, twist = message.pose.pose.position, message.twist.twist
-    position = np.array([point.x, point.y, point.z])
-    velocity = np.array([twist.linear.x, twist.linear.y, twist.linear.z])
-    spin = np.array([twist.angular.x, twist.angular.y, twist.angular.z])
-    for name, values in (("position", position), ("velocity", velocity), ("spin", spin)):
-        if not np.isfinite(values).all():
-            raise UserError(f"topic feed: {name} {values} is not finite; give finite numbers")
-    return Feed(position, velocity, spin)
+    state = np.array(
+        [getattr(vector, axis) for vector in (point, twist.linear, twist.angular) for axis in "xyz"]
+    )
+    if not np.isfinite(state).all():
+        raise UserError(f"topic feed: {state.tolist()} is not finite; give position, velocity and spin in SI")
+    return Feed.from_state(state)
 
 
 def outcome_to_message(outcome: Outcome, label: StrategyLabel | None, stamp: Any) -> DiagnosticArray:

@@ -60,6 +60,9 @@ EASY = FeedSpread(0.015, math.radians(0.75), math.radians(0.75), 10.0, 0.01)
 STANDARD = FeedSpread(0.03, math.radians(1.5), math.radians(1.5), 20.0, 0.02)
 """Twice `EASY`: the level that learning is judged on."""
 
+SPREADS: dict[str, FeedSpread] = {"none": NO_SPREAD, "easy": EASY, "standard": STANDARD}
+"""By the name under which parameters know them."""
+
 
 @dataclass(frozen=True)
 class Feeder:

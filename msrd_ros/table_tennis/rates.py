@@ -13,9 +13,7 @@ from scipy.stats import binomtest
 
 from msrd_ros.facts.labels import Stroke
 from msrd_ros.facts.outcome import Outcome
-
-SPIN_CLASS_BORDER_RAD_S = 50.0
-"""Half-way between the spin that a push leaves on the ball and that of slice and topspin."""
+from msrd_ros.table_tennis.study_design import spin_class
 
 LANDING_RADIUS_M = 0.20
 
@@ -46,13 +44,6 @@ class Rate:
         if not self.total:
             return "-"
         return f"{100 * self.share:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
-
-
-def spin_class(spin_y_rad_s: float) -> Stroke:
-    """The stroke that the outgoing ball's spin speaks of; positive is topspin."""
-    if spin_y_rad_s > SPIN_CLASS_BORDER_RAD_S:
-        return Stroke.TOPSPIN
-    return Stroke.SLICE if spin_y_rad_s < -SPIN_CLASS_BORDER_RAD_S else Stroke.PUSH
 
 
 @dataclass(frozen=True)
@@ -131,8 +122,10 @@ def _none_if_nan(value: float) -> float | None:
 
 def format_table(rates: dict[str, LabelRates]) -> str:
     """A table for the terminal, one line per strategy."""
-    head = f"{'strategy':<18}{'fed':>5}  {'struck':<18}{'returned':<18}{'within 20 cm':<18}{'spin rad/s':<14}spin class"
-    lines = [head]
+    lines = [
+        f"{'strategy':<18}{'fed':>5}  {'struck':<18}{'returned':<18}{'within 20 cm':<18}"
+        f"{'spin rad/s':<14}spin class"
+    ]
     for label, row in rates.items():
         spin = "-" if math.isnan(row.spin_mean) else f"{row.spin_mean:+.0f} +- {row.spin_sd:.0f}"
         lines.append(
