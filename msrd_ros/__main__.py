@@ -1,0 +1,124 @@
+"""`python -m msrd_ros <name>`: every executable without the `ros2` command, and the demo.
+
+Only what is asked for is imported: `recorder` starts without torch, `reproduce` without rclpy.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import tempfile
+from collections.abc import MutableMapping
+from pathlib import Path
+from typing import NamedTuple
+
+from msrd_ros.facts.errors import UserError
+
+
+class Command(NamedTuple):
+    """Where a command lives, and what it does in a few words."""
+
+    module: str
+    summary: str
+
+
+EXECUTABLES: dict[str, Command] = {
+    "simulator": Command("msrd_ros.nodes.simulator", "Sawyer, table, ball, feeder and referee in PyBullet"),
+    "demonstrator": Command("msrd_ros.nodes.demonstrator", "teachers who lead the arm by the hand"),
+    "recorder": Command("msrd_ros.nodes.recorder", "keep strokes that returned the ball as MCAP bags"),
+    "player": Command("msrd_ros.nodes.player", "replay bags onto the topics"),
+    "trainer": Command("msrd_ros.nodes.trainer", "learn rewards and policies from bags"),
+    "executor": Command("msrd_ros.nodes.executor", "play a learned strategy on the simulator or the robot"),
+    "evaluator": Command("msrd_ros.nodes.evaluator", "feed balls to the executor and report how it played"),
+    "reproduce": Command("msrd_ros.experiments.reproduce", "run the paper's studies again"),
+}
+"""What `ros2 run msrd_ros <name>` finds: one file of this name under ``lib/msrd_ros`` each."""
+
+COMMANDS: dict[str, Command] = {
+    **EXECUTABLES,
+    "demo": Command(
+        "msrd_ros.experiments.demo", "the whole stack: teach, record, replay, train, play, report"
+    ),
+}
+
+USER_ERROR = 2
+INTERRUPTED = 130
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command that `argv` names.
+
+    Parameters
+    ----------
+    argv
+        The command's name and its own arguments; the process's arguments when None.
+
+    Returns
+    -------
+    The command's exit status; 2 for an unknown name or another user error, 130 if it was interrupted
+    before it could listen to signals itself.
+    """
+    arguments = sys.argv[1:] if argv is None else argv
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(_usage())
+        return 0
+    name, *rest = arguments
+    if name not in COMMANDS:
+        print(f"msrd_ros: error: unknown name {name!r}; use one of these\n{_list()}", file=sys.stderr)
+        return USER_ERROR
+    provide_writable_directories(os.environ)
+    try:
+        return _run(name, rest)
+    except UserError as error:
+        print(f"{name}: error: {error}", file=sys.stderr)
+        return USER_ERROR
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(name: str, arguments: list[str]) -> int:
+    try:
+        module = importlib.import_module(COMMANDS[name].module)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing in ("", "msrd_ros"):
+            raise
+        raise UserError(
+            f"the Python package {missing!r} is missing for {sys.executable}; "
+            "install it as README.md says under Installing"
+        ) from error
+    return int(module.main(arguments))
+
+
+def provide_writable_directories(environment: MutableMapping[str, str]) -> None:
+    """Give ROS logs, compiled kernels and fonts a temporary place where there is no home directory.
+
+    Without one that can be written to, rclpy refuses to start, and numba to cache. What the user set stays.
+    """
+    home = environment.get("HOME")
+    if home and os.access(home, os.W_OK):
+        return
+    scratch = Path(tempfile.gettempdir(), f"msrd_ros-{os.getuid()}")
+    scratch.mkdir(mode=0o700, exist_ok=True)
+    if scratch.stat().st_uid != os.getuid():
+        # Someone else made it: nothing may be loaded from there.
+        scratch = Path(tempfile.mkdtemp(prefix="msrd_ros-"))
+    for variable, directory in (
+        ("ROS_LOG_DIR", "ros_log"),
+        ("NUMBA_CACHE_DIR", "numba_cache"),
+        ("MPLCONFIGDIR", "matplotlib"),
+    ):
+        environment.setdefault(variable, str(scratch / directory))
+
+
+def _usage() -> str:
+    return f"usage: python -m msrd_ros <name> [arguments]; each <name> answers --help\n{_list()}"
+
+
+def _list() -> str:
+    return "\n".join(f"  {name:<13} {command.summary}" for name, command in COMMANDS.items())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,94 @@
+"""Build msrd_ros, as an ament_python package with colcon or as a plain Python package with pip.
+
+`ros2 run` looks for executables in ``<prefix>/lib/msrd_ros``. Only data files get there with both builders,
+so the files of ``scripts/`` are data files, and none of them is a console script as well: colcon writes
+console scripts into that same directory, and with ``--symlink-install`` it would write them through its links
+into ``scripts/``.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "msrd_ros"
+
+
+def read_version() -> str:
+    """Version of the package, without importing it."""
+    for line in Path(NAME, "__init__.py").read_text(encoding="utf-8").splitlines():
+        if line.startswith("__version__"):
+            return line.split('"')[1]
+    raise RuntimeError(f"{NAME}/__init__.py has no __version__")
+
+
+def tree(top: str) -> list[tuple[str, list[str]]]:
+    """Data files of a directory and all below it, laid out alike under the share directory."""
+    found = []
+    for directory, subdirectories, names in os.walk(top):
+        subdirectories.sort()
+        if names:
+            target = Path("share", NAME, directory).as_posix()
+            found.append((target, [Path(directory, name).as_posix() for name in sorted(names)]))
+    return found
+
+
+# A sourced ROS installation has rclpy and the messages, built against NumPy 1; elsewhere wheels bring them.
+if os.environ.get("ROS_DISTRO"):
+    MIDDLEWARE = ["numpy>=1.26,<2"]
+else:
+    MIDDLEWARE = ["numpy>=1.26", "ros-jazzy-rclpy[fastrtps]>=7.1,<8", "ros-jazzy-common-interfaces>=5.3,<6"]
+
+setup(
+    name=NAME,
+    version=read_version(),
+    description="Multi-Strategy Reward Distillation for ROS 2: teach by hand, record, learn, play",
+    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    maintainer="msrd_ros maintainers",
+    maintainer_email="maintainers@msrd-ros.example",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed", "**/*.json", "**/*.npz", "**/*.urdf", "**/*.html", "**/*.css"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", sorted(path.as_posix() for path in Path("scripts").iterdir() if not path.suffix)),
+        *tree("launch"),
+        *tree("config"),
+        *tree("bags"),
+    ],
+    install_requires=[
+        *MIDDLEWARE,
+        "matplotlib>=3.7",
+        "mcap>=1.1",
+        "numba>=0.59",
+        "pybullet>=3.2.6",
+        "pyyaml>=6",
+        "rosbags>=0.10",
+        "safetensors>=0.4.3",
+        "scipy>=1.11",
+        "tensorboard>=2.14",
+        "torch>=2.2",
+        "tqdm>=4.65",
+    ],
+    extras_require={
+        "studies": ["gymnasium>=1.0", "mujoco>=3.1"],
+        "test": [
+            "colcon-common-extensions>=0.3",
+            "mcap-ros2-support>=0.5",
+            "mypy>=1.11",
+            "pytest>=8",
+            "pytest-timeout>=2.3",
+            "ruff>=0.6",
+            "setuptools<80",  # colcon-core needs the install command that later ones dropped
+            "types-pyyaml",
+            "types-tqdm",
+        ],
+    },
+    entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main"]},
+    zip_safe=False,
+)

@@ -1,0 +1,150 @@
+"""Fixtures of all tests: a ROS domain for each test, and the package installed as users install it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import venv
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from processes import CHECKOUT, PACKAGE, Installation, Launcher
+from rclpy.context import Context
+from rclpy.node import Node
+
+from msrd_ros.__main__ import provide_writable_directories
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
+provide_writable_directories(os.environ)
+
+HIGHEST_DOMAIN_ID = 101
+"""Above this, Fast DDS's ports meet those that Linux hands out."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_log_directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keep ROS logs of this session and of its processes out of the home directory."""
+    directory = tmp_path_factory.mktemp("ros_log")
+    os.environ["ROS_LOG_DIR"] = str(directory)
+    return directory
+
+
+@pytest.fixture
+def domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A ROS domain that nobody else on this machine tests on, set for this process and its children."""
+    with socket.socket(socket.AF_UNIX) as reservation:
+        chosen = _reserve_domain(reservation)
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(chosen))
+        yield chosen
+
+
+def _reserve_domain(reservation: socket.socket) -> int:
+    # A bound abstract socket is a lock that the kernel drops with the process, and leaves no file.
+    for attempt in range(HIGHEST_DOMAIN_ID):
+        candidate = 1 + (os.getpid() + attempt) % HIGHEST_DOMAIN_ID
+        try:
+            reservation.bind(f"\0msrd_ros test domain {candidate}")
+        except OSError:
+            continue
+        return candidate
+    raise RuntimeError("no free ROS domain: end other test runs")
+
+
+@pytest.fixture
+def ros_node(domain_id: int) -> Iterator[Node]:
+    """A node of the test's own on its domain, in a context of its own."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain_id)
+    node = Node("test_observer", context=context)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.fixture
+def launcher(domain_id: int, tmp_path: Path) -> Iterator[Launcher]:
+    """Starts executables of the checkout on the test's domain."""
+    started = Launcher(Installation("checkout", checkout=True), domain_id, tmp_path)
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="session")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the checkout, so that building leaves nothing in it."""
+    target = tmp_path_factory.mktemp("workspace") / "src" / PACKAGE
+    shutil.copytree(CHECKOUT, target, ignore=_ignore)
+    return target
+
+
+def _ignore(directory: str, names: list[str]) -> set[str]:
+    leave = {"build", "install", "log", "out", "runs", "__pycache__"}
+    return {
+        name
+        for name in names
+        if name in leave
+        or name.startswith(".")
+        or name.endswith(".egg-info")
+        or Path(directory, name, "pyvenv.cfg").exists()
+    }
+
+
+@pytest.fixture(scope="session")
+def pip_installation(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Installation:
+    """`pip install .` in a fresh virtual environment that sees this one's other packages."""
+    prefix = tmp_path_factory.mktemp("pip_environment")
+    venv.create(prefix, with_pip=False, symlinks=True)
+    python = prefix / "bin" / "python"
+    libraries = Path(_ask(python, "import sysconfig; print(sysconfig.get_path('purelib'))"))
+    ours = [path for path in sys.path if path.endswith("-packages")]
+    # addsitedir, and not a plain line: the wheels of rclpy find their libraries through a .pth file.
+    lines = [f"import site; site.addsitedir({path!r})\n" for path in ours]
+    (libraries / "dependencies.pth").write_text("".join(lines), encoding="utf-8")
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--ignore-installed"]
+    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", *options]
+    _run([*pip, str(source)], source)
+    # The checkout must not be what is tested.
+    return Installation("pip environment", {"AMENT_PREFIX_PATH": str(prefix), "PYTHONPATH": ""})
+
+
+@pytest.fixture(scope="session")
+def colcon_overlay(source: Path) -> Installation:
+    """`colcon build` in a fresh workspace, and what sourcing its install/setup.bash sets."""
+    workspace = source.parent.parent
+    _run([*colcon(workspace), "build", "--event-handlers", "console_direct+"], workspace)
+    shell = "source install/setup.bash && env -0"
+    clean = {
+        key: value for key, value in os.environ.items() if key not in ("AMENT_PREFIX_PATH", "PYTHONPATH")
+    }
+    printed = subprocess.run(
+        ["bash", "-c", shell], cwd=workspace, env=clean, capture_output=True, text=True, check=True
+    ).stdout
+    variables = dict(entry.split("=", 1) for entry in printed.split("\0") if "=" in entry)
+    return Installation(
+        "colcon overlay", {key: variables[key] for key in ("AMENT_PREFIX_PATH", "PYTHONPATH", "PATH")}
+    )
+
+
+def colcon(workspace: Path) -> list[str]:
+    """The colcon command of this environment, keeping its log in the workspace."""
+    return [sys.executable, "-m", "colcon", "--log-base", str(workspace / "log")]
+
+
+def _run(command: list[str], directory: Path) -> str:
+    done = subprocess.run(
+        command, cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+    )
+    assert done.returncode == 0, f"{' '.join(command)} ended with {done.returncode}\n{done.stdout[-4000:]}"
+    return done.stdout
+
+
+def _ask(python: Path, code: str) -> str:
+    return subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()

@@ -1,0 +1,161 @@
+"""Every executable starts and stops, found as `ros2 run` finds it, and takes its file in config/ whole."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from processes import CHECKOUT, PACKAGE, START_TIMEOUT_S, Installation, Launcher, RunningProcess
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+
+from msrd_ros.__main__ import COMMANDS, EXECUTABLES, USER_ERROR, main, provide_writable_directories
+
+NODES = [name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")]
+TOOLS = [name for name in EXECUTABLES if name not in NODES]
+ANSWER_TIMEOUT_S = 10.0
+
+pytestmark = pytest.mark.processes
+
+
+@pytest.fixture(params=["pip_installation", "colcon_overlay"])
+def installed(request: pytest.FixtureRequest, domain_id: int, tmp_path: Path) -> Iterator[Launcher]:
+    """Starts executables of an installation, from a directory where no checkout is in sight."""
+    installation: Installation = request.getfixturevalue(request.param)
+    launcher = Launcher(installation, domain_id, tmp_path)
+    yield launcher
+    launcher.close()
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_node_starts_with_its_parameter_file_and_stops(
+    installed: Launcher, ros_node: Node, name: str
+) -> None:
+    overlay = installed.installation.name == "colcon overlay"
+    file = CHECKOUT / "config" / f"{name}.yaml"
+    process = installed.start(name, "--ros-args", "--params-file", str(file))
+
+    declared = _ask(ros_node, process, ListParameters, f"/{name}/list_parameters", ListParameters.Request())
+    wanted = _parameters(file, name)
+    assert set(wanted) <= set(declared.result.names), f"{file.name} has what {name} does not declare"
+    request = GetParameters.Request(names=list(wanted))
+    values = _ask(ros_node, process, GetParameters, f"/{name}/get_parameters", request).values
+    assert {key: _plain(value) for key, value in zip(wanted, values, strict=True)} == wanted
+
+    code = process.stop(signal.SIGINT if overlay else signal.SIGTERM)
+    assert code == 0, process.output
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_tool_starts_and_stops(installed: Launcher, name: str) -> None:
+    process = installed.start(name, "--help")
+    assert process.wait(START_TIMEOUT_S) == 0, process.output
+    assert "usage:" in process.output
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_command_line_is_checked(launcher: Launcher, name: str) -> None:
+    process = launcher.start(name, "--no-such-option")
+    assert process.wait(START_TIMEOUT_S) == USER_ERROR, process.output
+    assert "--no-such-option" in process.output
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_unknown_parameter_is_refused_by_name(launcher: Launcher, name: str) -> None:
+    process = launcher.start(name, parameters={"no_such_parameter": 1})
+    assert process.wait(START_TIMEOUT_S) == USER_ERROR, process.output
+    assert "no_such_parameter" in process.output
+    assert "Traceback" not in process.output
+
+
+def test_unknown_name_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["umpire"]) == USER_ERROR
+    error = capsys.readouterr().err.splitlines()
+    assert "'umpire'" in error[0]
+    assert [line.split()[0] for line in error[1:]] == list(COMMANDS)
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"]])
+def test_without_a_name_the_known_are_listed(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in printed[1:]] == list(COMMANDS)
+
+
+def test_only_what_is_asked_for_is_imported() -> None:
+    code = (
+        "import sys; from msrd_ros.__main__ import main; main(['--help']); "
+        "print('heavy:', sorted({'torch', 'rclpy', 'pybullet', 'numba'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "heavy: []"
+
+
+def test_missing_dependency_is_named(tmp_path: Path) -> None:
+    # -I -S: a Python without site-packages, as where only the checkout is there.
+    code = f"import sys; sys.path.insert(0, {str(CHECKOUT)!r}); from {PACKAGE}.__main__ import main; "
+    code += "sys.exit(main(['simulator']))"
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == USER_ERROR, done.stderr
+    assert done.stderr.startswith("simulator: error: the Python package '")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_home_is_not_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    environment = {"HOME": str(tmp_path / "nowhere"), "NUMBA_CACHE_DIR": "kept"}
+    provide_writable_directories(environment)
+    assert environment["NUMBA_CACHE_DIR"] == "kept"
+    assert Path(environment["ROS_LOG_DIR"]).is_relative_to(tmp_path)
+    at_home = {"HOME": str(tmp_path)}
+    provide_writable_directories(at_home)
+    assert at_home == {"HOME": str(tmp_path)}
+
+
+def _ask(node: Node, process: RunningProcess, service: Any, topic: str, request: Any) -> Any:
+    """Call a service of a process that is starting."""
+    client = node.create_client(service, topic)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while not client.wait_for_service(timeout_sec=0.25):
+        process.require_running()
+        assert time.monotonic() < deadline, f"{topic} did not appear\n{process.output}"
+    future = client.call_async(request)
+    executor.spin_until_future_complete(future, timeout_sec=ANSWER_TIMEOUT_S)
+    executor.remove_node(node)
+    node.destroy_client(client)
+    assert future.done(), f"{topic} gave no answer\n{process.output}"
+    return future.result()
+
+
+def _parameters(file: Path, node: str) -> dict[str, Any]:
+    """What a parameter file sets for a node."""
+    sections = yaml.safe_load(file.read_text(encoding="utf-8"))
+    assert set(sections) <= {node, f"/{node}", "/**"}, f"{file} is not for {node}"
+    merged: dict[str, Any] = {}
+    for section in sections.values():
+        merged |= section["ros__parameters"]
+    return merged
+
+
+def _plain(value: Any) -> Any:
+    plain = parameter_value_to_python(value)
+    return plain if isinstance(plain, str | bool | int | float | None) else list(plain)
