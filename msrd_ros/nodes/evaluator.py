@@ -119,7 +119,7 @@ class Evaluator(StackNode):
             return
         if self._waiting_for == "outcome":
             raise UserError(
-                f"no rally/outcome for ball {self._index} ({self._label}) within {self.config.timeout_s:g} s; "
+                f"no rally/outcome for ball {self._index} ({self._label}) in {self.config.timeout_s:g} s; "
                 f"check that simulator and executor still run"
             )
         if not self.count_publishers("rally/outcome"):
