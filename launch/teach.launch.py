@@ -1,4 +1,4 @@
-"""Teachers lead the simulated arm, and what returned the ball is kept: `ros2 launch msrd_ros teach.launch.py`.
+"""Teachers lead the arm by the hand; what returned the ball is kept: `ros2 launch msrd_ros teach.launch.py`.
 
 The recorder keeps its bags where its parameter file says; the demonstrator ends when its session is over.
 """
