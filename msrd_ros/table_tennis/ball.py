@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from msrd_ros.table_tennis.scene import SceneConstants
+
 BALL_SIZE = 9
 POSITION = slice(0, 3)
 VELOCITY = slice(3, 6)
@@ -31,7 +33,7 @@ def ball_state(
 
 @njit(cache=True)
 def flight_acceleration(
-    vx: float, vy: float, vz: float, wx: float, wy: float, wz: float, scene: np.void
+    vx: float, vy: float, vz: float, wx: float, wy: float, wz: float, scene: SceneConstants
 ) -> tuple[float, float, float]:
     """Acceleration in m/s^2: -drag |v| v + magnus (spin x v) - g z.
 
@@ -42,7 +44,7 @@ def flight_acceleration(
     wx, wy, wz
         Spin, rad/s.
     scene
-        Record of `scene.CONSTANTS`.
+        The numbers of the scene.
     """
     drag = scene.drag * math.sqrt(vx * vx + vy * vy + vz * vz)
     magnus = scene.magnus
@@ -54,7 +56,7 @@ def flight_acceleration(
 
 
 @njit(cache=True)
-def flight_step(ball: NDArray[np.float64], duration: float, scene: np.void) -> None:
+def flight_step(ball: NDArray[np.float64], duration: float, scene: SceneConstants) -> None:
     """Move a ball (9,) by one Runge-Kutta step of fourth order, in place; touches nothing on the way.
 
     The acceleration does not depend on the position, so the position's part of the scheme collapses to

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from msrd_ros.table_tennis.ball import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.contact import rebound_rigid, rebound_rubber
 from msrd_ros.table_tennis.referee import judge_flight, judge_touch
+from msrd_ros.table_tennis.scene import SceneConstants
 from msrd_ros.table_tennis.surfaces import (
     FLOOR,
     NET,
@@ -110,7 +111,7 @@ def first_touch(
     paddle_end: NDArray[np.float64],
     elapsed: float,
     duration: float,
-    scene: np.void,
+    scene: SceneConstants,
 ) -> tuple[int, float]:
     """Surface that a ball on its way to `end` touches first, and after how many seconds; or `NO_CONTACT`."""
     surface = NO_CONTACT
@@ -135,7 +136,7 @@ def push_out(ball: NDArray[np.float64], gap: float, nx: float, ny: float, nz: fl
 
 
 @njit(cache=True)
-def rebound_fixed(ball: NDArray[np.float64], surface: int, scene: np.void) -> int:
+def rebound_fixed(ball: NDArray[np.float64], surface: int, scene: SceneConstants) -> int:
     """Rebound off table, net or floor; returns the surface, with the table's sides told from its top."""
     gap, nx, ny, nz = fixed_gap(surface, ball[0], ball[1], ball[2], scene)
     if surface == TABLE:

@@ -12,6 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.table_tennis.scene import SceneConstants
+
 
 @njit(cache=True)
 def slip_velocity(
@@ -52,7 +54,7 @@ def apply_impulse(
     jx: float,
     jy: float,
     jz: float,
-    scene: np.void,
+    scene: SceneConstants,
 ) -> None:
     """Apply an impulse (N s) at the ball's contact point, in place."""
     ball[3] += jx / scene.ball_mass
@@ -72,7 +74,7 @@ def rebound_rigid(
     nz: float,
     restitution: float,
     friction: float,
-    scene: np.void,
+    scene: SceneConstants,
 ) -> None:
     """Rebound off a rigid surface at rest: restitution and Coulomb friction, in place.
 
@@ -110,12 +112,13 @@ def rebound_rubber(
     surface_x: float,
     surface_y: float,
     surface_z: float,
-    scene: np.void,
+    scene: SceneConstants,
 ) -> None:
     """Rebound off rubber that moves with (surface_x, surface_y, surface_z) m/s at the contact, in place.
 
-    Restitution e = e0 - loss |v_n|; tangential impulse -k_p slip, by which the slip reverses (tt_rackets). The
-    paddle is so much heavier, and held, that it does not feel the ball. A ball that moves away is left alone.
+    Restitution e = e0 - loss |v_n|; tangential impulse -k_p slip, by which the slip reverses (tt_rackets).
+    The paddle is so much heavier, and held, that it does not feel the ball. A ball that moves away is left
+    alone.
     """
     normal_speed, sx, sy, sz = slip_velocity(
         ball, nx, ny, nz, surface_x, surface_y, surface_z, scene.ball_radius

@@ -1,44 +1,47 @@
 """The referee: follows the touches of one ball and decides what became of it.
 
-A state machine in compiled code over one record of `REFEREE`; both simulators use it through `step_ball`.
+A state machine in compiled code over one `RefereeState`; both simulators use it through `step_ball`.
 After the decision nothing changes any more.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from msrd_ros.facts.outcome import MissReason, Outcome
+from msrd_ros.table_tennis.scene import SceneConstants
 from msrd_ros.table_tennis.surfaces import FLOOR, NET, PADDLE, TABLE
 
-REFEREE = np.dtype(
-    [
-        ("verdict", np.int64),
-        ("hits", np.int64),
-        ("own_bounces", np.int64),
-        ("net_touched", np.bool_),
-        *(
-            (name, np.float64)
-            for name in (
-                "hit_time",
-                "decision_time",
-                "landing_x",
-                "landing_y",
-                "velocity_x",
-                "velocity_y",
-                "velocity_z",
-                "spin_x",
-                "spin_y",
-                "spin_z",
-            )
-        ),
-    ]
-)
-"""State of the referee. Velocity and spin are the ball's right after the first hit; NaN as long as unknown."""
+
+class RefereeState(Protocol):
+    """What the referee knows of one ball; NaN is unknown."""
+
+    verdict: int
+    hits: int
+    own_bounces: int
+    net_touched: bool
+    """After the hit."""
+    hit_time: float
+    decision_time: float
+    landing_x: float
+    landing_y: float
+    velocity_x: float
+    velocity_y: float
+    velocity_z: float
+    """Right after the first hit, as the spin."""
+    spin_x: float
+    spin_y: float
+    spin_z: float
+
+
+_KINDS = {"int": np.int64, "bool": np.bool_, "float": np.float64}
+REFEREE = np.dtype([(name, _KINDS[kind]) for name, kind in RefereeState.__annotations__.items()])
+"""`RefereeState` as a record of NumPy: compiled functions change it in place."""
 
 _REASONS: tuple[MissReason, ...] = tuple(MissReason)
 IN_PLAY = 0
@@ -96,7 +99,7 @@ def outcome_of(referee: NDArray[np.void], ball_id: int, launch_time: float = 0.0
 
 
 @njit(cache=True)
-def decide(referee: np.void, verdict: int, time: float) -> None:
+def decide(referee: RefereeState, verdict: int, time: float) -> None:
     """Write a verdict down, unless there is one."""
     if referee.verdict == IN_PLAY:
         referee.verdict = verdict
@@ -104,13 +107,13 @@ def decide(referee: np.void, verdict: int, time: float) -> None:
 
 
 @njit(cache=True)
-def judge_touch(referee: np.void, surface: int, ball: NDArray[np.float64], time: float) -> None:
+def judge_touch(referee: RefereeState, surface: int, ball: NDArray[np.float64], time: float) -> None:
     """Take note of one touch.
 
     Parameters
     ----------
     referee
-        Record of `REFEREE`.
+        What it knows so far.
     surface
         One of the surfaces of `surfaces`.
     ball
@@ -135,7 +138,7 @@ def judge_touch(referee: np.void, surface: int, ball: NDArray[np.float64], time:
 
 
 @njit(cache=True)
-def _judge_hit(referee: np.void, ball: NDArray[np.float64], time: float) -> None:
+def _judge_hit(referee: RefereeState, ball: NDArray[np.float64], time: float) -> None:
     referee.hits += 1
     if referee.hits > 1:
         decide(referee, DOUBLE_HIT, time)
@@ -148,7 +151,7 @@ def _judge_hit(referee: np.void, ball: NDArray[np.float64], time: float) -> None
 
 
 @njit(cache=True)
-def _judge_bounce(referee: np.void, ball: NDArray[np.float64], time: float) -> None:
+def _judge_bounce(referee: RefereeState, ball: NDArray[np.float64], time: float) -> None:
     far = ball[0] > 0.0
     if referee.hits > 0:
         if far:
@@ -165,8 +168,10 @@ def _judge_bounce(referee: np.void, ball: NDArray[np.float64], time: float) -> N
 
 
 @njit(cache=True)
-def judge_flight(referee: np.void, ball: NDArray[np.float64], time: float, scene: np.void) -> None:
-    """Decide on a struck ball that has sunk below the table's top beside it: it cannot land on it any more."""
+def judge_flight(
+    referee: RefereeState, ball: NDArray[np.float64], time: float, scene: SceneConstants
+) -> None:
+    """Decide on a struck ball that sinks below the table's top: it cannot land on it any more."""
     if referee.verdict != IN_PLAY or referee.hits == 0 or ball[2] >= scene.table_top or ball[5] >= 0.0:
         return
     if referee.net_touched:

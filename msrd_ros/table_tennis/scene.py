@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,39 @@ class Blade:
     thickness_m: float = BLADE_THICKNESS_M
 
 
+class SceneConstants(Protocol):
+    """The numbers that the compiled functions read, by name; SI."""
+
+    gravity: float
+    drag: float
+    """rho Cd A / (2 m), 1/m."""
+    magnus: float
+    ball_radius: float
+    ball_mass: float
+    ball_inertia: float
+    table_half_length: float
+    table_half_width: float
+    table_top: float
+    table_underside: float
+    table_restitution: float
+    table_friction: float
+    net_top: float
+    net_half_width: float
+    net_half_thickness: float
+    net_restitution: float
+    floor_restitution: float
+    floor_friction: float
+    rubber_restitution: float
+    rubber_restitution_loss: float
+    rubber_tangential: float
+    blade_radius: float
+    blade_half_thickness: float
+
+
+SCENE_CONSTANTS = np.dtype([(name, np.float64) for name in SceneConstants.__annotations__])
+"""`SceneConstants` as a record of NumPy: compiled functions take an array of one of them."""
+
+
 @dataclass(frozen=True)
 class Scene:
     """Everything that the ball can meet. `constants` packs it for the compiled functions."""
@@ -106,7 +140,7 @@ class Scene:
     gravity_m_s2: float = 9.81
 
     def constants(self) -> NDArray[np.void]:
-        """The scene as one record of `CONSTANTS`, shape (1,), for the compiled functions.
+        """The scene as one record of `SCENE_CONSTANTS`, shape (1,), for the compiled functions.
 
         Raises
         ------
@@ -146,41 +180,8 @@ class Scene:
         for name, value in values.items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise UserError(f"scene: {name} is {value}; give a finite number that is not negative")
-        constants = np.zeros(1, dtype=CONSTANTS)
-        for name in CONSTANTS.names or ():
+        constants = np.zeros(1, dtype=SCENE_CONSTANTS)
+        for name in values:
             constants[name] = values[name]
         constants.setflags(write=False)
         return constants
-
-
-CONSTANTS = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            "gravity",
-            "drag",
-            "magnus",
-            "ball_radius",
-            "ball_mass",
-            "ball_inertia",
-            "table_half_length",
-            "table_half_width",
-            "table_top",
-            "table_underside",
-            "table_restitution",
-            "table_friction",
-            "net_top",
-            "net_half_width",
-            "net_half_thickness",
-            "net_restitution",
-            "floor_restitution",
-            "floor_friction",
-            "rubber_restitution",
-            "rubber_restitution_loss",
-            "rubber_tangential",
-            "blade_radius",
-            "blade_half_thickness",
-        )
-    ]
-)
-"""The numbers that the compiled functions read, by name; SI. `drag` is rho Cd A / (2 m) in 1/m."""

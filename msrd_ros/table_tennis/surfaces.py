@@ -1,8 +1,9 @@
-"""Where the ball meets table, net, floor and paddle: signed distances, and the first touch within a step.
+"""Where the ball meets table, net, floor and paddle: signed distances, and the first touch in a step.
 
-The first touch is found by steps that can never pass it: with the gap g, its rate g' and a bound A on how fast
-that rate can fall, no touch can come before the root of g + g' t - A t^2 / 2. For a ball heading for a surface
-this is Newton's method, for one that passes by it is a leap; nothing is sampled, so nothing is tunnelled through.
+The first touch is found by leaps that can never pass it: with the gap g, its rate g' and a bound A on how
+fast that rate can fall, no touch can come before the root of g + g' t - A t^2 / 2. For a ball heading for a
+surface this is Newton's method, for one that passes by it is one long leap; nothing is sampled, so nothing
+is tunnelled through.
 
 A paddle is twelve floats: the blade's centre (m), the unit normal of its forehand face, the centre's velocity
 (m/s) and the angular velocity (rad/s), world frame.
@@ -16,6 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.table_tennis.scene import SceneConstants
+
 PADDLE_SIZE = 12
 
 NO_CONTACT = 0
@@ -27,7 +30,7 @@ PADDLE = 16
 """Surfaces, as bits: `TABLE` is the playing surface with its upper edge, `TABLE_SIDE` everything below it."""
 
 _FIXED_ACCELERATION = 400.0
-"""Bound A for surfaces at rest, m/s^2: gravity, drag and Magnus force at 25 m/s and 500 rad/s stay below 150."""
+"""Bound A for surfaces at rest, m/s^2: a ball in flight at 25 m/s and 500 rad/s stays below 150."""
 _PADDLE_ACCELERATION = 4000.0
 """Bound A for the paddle: a blade at 12 m/s and 30 rad/s with 200 m/s^2 stays below 2,000."""
 _TOUCH = 1e-7
@@ -74,7 +77,7 @@ def blade_gap(
     radius: float,
     half_thickness: float,
 ) -> Gap:
-    """Signed distance of a point to a flat disk about the origin with normal (nx, ny, nz), and its gradient."""
+    """Signed distance of a point to a disk about the origin with unit normal n, and its gradient."""
     height = x * nx + y * ny + z * nz
     px, py, pz = x - height * nx, y - height * ny, z - height * nz
     reach = math.sqrt(px * px + py * py + pz * pz)
@@ -166,9 +169,9 @@ def paddle_gap(
     end: NDArray[np.float64],
     offset: float,
     span: float,
-    scene: np.void,
+    scene: SceneConstants,
 ) -> tuple[float, float, float, float, float, float, float, float]:
-    """Gap between ball and blade `time` seconds after the ball's state, its rate, normal and surface velocity.
+    """Gap between ball and blade `time` seconds after the ball's state, its rate and where it is.
 
     Parameters
     ----------
@@ -202,7 +205,7 @@ def paddle_gap(
 
 
 @njit(cache=True)
-def fixed_gap(surface: int, x: float, y: float, z: float, scene: np.void) -> Gap:
+def fixed_gap(surface: int, x: float, y: float, z: float, scene: SceneConstants) -> Gap:
     """Gap between the skin of a ball at (x, y, z) and table, net or floor, and the outward normal."""
     if surface == TABLE:
         distance, gx, gy, gz = box_gap(
@@ -225,9 +228,13 @@ def leap(gap: float, rate: float, acceleration: float) -> float:
 
 @njit(cache=True)
 def fixed_touch(
-    surface: int, ball: NDArray[np.float64], ball_end: NDArray[np.float64], duration: float, scene: np.void
+    surface: int,
+    ball: NDArray[np.float64],
+    ball_end: NDArray[np.float64],
+    duration: float,
+    scene: SceneConstants,
 ) -> float:
-    """Seconds until a ball touches table, net or floor on its way to `ball_end`; `duration` if it does not."""
+    """Seconds until a ball touches table, net or floor on its way to `ball_end`; `duration` if never."""
     time = 0.0
     for _ in range(_MOST_LEAPS):
         s = time / duration
@@ -260,7 +267,7 @@ def paddle_touch(
     end: NDArray[np.float64],
     offset: float,
     span: float,
-    scene: np.void,
+    scene: SceneConstants,
 ) -> float:
     """Seconds until a ball touches the moving blade; `duration` if it does not. See `paddle_gap`."""
     time = 0.0
