@@ -44,10 +44,18 @@ class Installation:
         """Environment of a process that runs in this installation."""
         return {**os.environ, **self.variables}
 
+    def prefix(self) -> Path:
+        """Where the ament index says that the package is."""
+        with mock.patch.dict(os.environ, self.environment(), clear=True):
+            return Path(get_package_prefix(PACKAGE))
+
+    def share(self) -> Path:
+        """Directory of the package's own files."""
+        return CHECKOUT if self.checkout else self.prefix() / "share" / PACKAGE
+
     def executable(self, name: str) -> Path:
         """Find an executable as `ros2 run` does: the ament index, then ``lib/<package>`` of that prefix."""
-        with mock.patch.dict(os.environ, self.environment(), clear=True):
-            directory = Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE
+        directory = self.prefix() / "lib" / PACKAGE
         found = [path for path in directory.rglob(name) if path.is_file() and os.access(path, os.X_OK)]
         assert len(found) == 1, f"{self.name}: {len(found)} executables {name} in {directory}"
         return found[0]

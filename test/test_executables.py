@@ -41,7 +41,7 @@ def test_node_starts_with_its_parameter_file_and_stops(
     installed: Launcher, ros_node: Node, name: str
 ) -> None:
     overlay = installed.installation.name == "colcon overlay"
-    file = CHECKOUT / "config" / f"{name}.yaml"
+    file = installed.installation.share() / "config" / f"{name}.yaml"
     process = installed.start(name, "--ros-args", "--params-file", str(file))
 
     declared = _ask(ros_node, process, ListParameters, f"/{name}/list_parameters", ListParameters.Request())

@@ -1,0 +1,149 @@
+"""The package as ROS 2 and pip see it: kind, marker, manifest, files, launch files, parameter files."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from conftest import colcon
+from processes import CHECKOUT, PACKAGE, Installation
+
+import msrd_ros
+from msrd_ros.__main__ import EXECUTABLES
+
+SHARED_FOLDERS = ("config", "launch", "bags")
+
+
+@pytest.fixture(params=["pip_installation", "colcon_overlay"])
+def installation(request: pytest.FixtureRequest) -> Installation:
+    found: Installation = request.getfixturevalue(request.param)
+    return found
+
+
+def files_below(directory: Path) -> dict[str, bytes]:
+    """Relative path and content of every file below a directory."""
+    return {
+        path.relative_to(directory).as_posix(): path.read_bytes()
+        for path in sorted(directory.rglob("*"))
+        if path.is_file() and "__pycache__" not in path.parts and path.name != "COLCON_IGNORE"
+    }
+
+
+def test_colcon_sees_an_ament_python_package(source: Path) -> None:
+    # A manifest that does not parse silently makes it plain Python, and `ros2 run` finds nothing.
+    workspace = source.parent.parent
+    listed = subprocess.run(
+        [*colcon(workspace), "list"], cwd=workspace, capture_output=True, text=True, check=True
+    ).stdout
+    assert listed.split() == [PACKAGE, f"src/{PACKAGE}", "(ros.ament_python)"]
+
+
+def test_executables_are_where_ros2_run_looks(installation: Installation) -> None:
+    for name in EXECUTABLES:
+        path = installation.executable(name)
+        assert path == installation.prefix() / "lib" / PACKAGE / name
+        assert path.read_text(encoding="utf-8").startswith("#!/usr/bin/env python3\n")
+
+
+def test_share_directory_is_complete(installation: Installation) -> None:
+    share = installation.share()
+    assert (share / "package.xml").read_bytes() == (CHECKOUT / "package.xml").read_bytes()
+    for folder in SHARED_FOLDERS:
+        assert files_below(share / folder) == files_below(CHECKOUT / folder), folder
+
+
+def test_installed_code_is_the_checkouts_code(installation: Installation, tmp_path: Path) -> None:
+    python = installation.prefix() / "bin" / "python"
+    code = "import msrd_ros, sys; print(msrd_ros.__path__[0])"
+    found = subprocess.run(
+        [python if python.exists() else sys.executable, "-c", code],
+        env=installation.environment(),
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
+    assert Path(found).is_relative_to(installation.prefix())
+    assert files_below(Path(found)) == files_below(CHECKOUT / PACKAGE)
+
+
+def test_one_version_everywhere() -> None:
+    manifest = ElementTree.parse(CHECKOUT / "package.xml").getroot()
+    assert manifest.findtext("version") == msrd_ros.__version__
+    changelog = (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8")
+    released = re.findall(r"^## \[(\d+\.\d+\.\d+)\]", changelog, re.MULTILINE)
+    assert released[0] == msrd_ros.__version__
+
+
+def test_manifest_names_every_ros_package_that_is_imported() -> None:
+    manifest = ElementTree.parse(CHECKOUT / "package.xml").getroot()
+    named = {element.text for element in manifest.iter("exec_depend")}
+    imported = set()
+    for path in (CHECKOUT / PACKAGE).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                imported.add(node.module.partition(".")[0])
+            elif isinstance(node, ast.Import):
+                imported.update(alias.name.partition(".")[0] for alias in node.names)
+    interfaces = ("_msgs", "_interfaces", "_srvs")
+    ros = {name for name in imported if name.endswith(interfaces) or name in ("rclpy", "tf2_ros")}
+    assert ros <= named
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CHECKOUT / "launch").glob("*.launch.py")), ids=lambda path: path.name
+)
+def test_launch_file_starts_what_there_is(path: Path) -> None:
+    # launch_ros comes with a ROS installation only; what can go wrong without it is read from the tree.
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    functions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
+    assert "generate_launch_description" in functions
+    nodes = [
+        {keyword.arg: keyword.value for keyword in call.keywords}
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Node"
+    ]
+    assert nodes
+    for node in nodes:
+        executable = ast.literal_eval(node["executable"])
+        assert ast.literal_eval(node["package"]) == PACKAGE
+        assert executable in EXECUTABLES
+        files = re.findall(r"[\w.]+\.yaml", ast.unparse(node["parameters"]))
+        assert files == [f"{executable}.yaml"]
+        assert (CHECKOUT / "config" / files[0]).is_file()
+
+
+def test_every_node_has_a_parameter_file_and_every_file_a_node() -> None:
+    nodes = {name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")}
+    assert {path.stem for path in (CHECKOUT / "config").glob("*.yaml")} == nodes
+
+
+@pytest.mark.parametrize("path", sorted((CHECKOUT / "config").glob("*.yaml")), ids=lambda path: path.name)
+def test_parameter_file_has_the_layout_that_ros_reads(path: Path) -> None:
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert set(content) == {path.stem}
+    assert set(content[path.stem]) == {"ros__parameters"}
+    assert content[path.stem]["ros__parameters"]
+
+
+def test_constraints_pin_what_setup_asks_for() -> None:
+    pinned = {}
+    for line in (CHECKOUT / "constraints.txt").read_text(encoding="utf-8").splitlines():
+        text = line.partition("#")[0].partition(";")[0].strip()
+        if text:
+            name, equals, version = text.partition("==")
+            assert equals, f"constraints.txt: {line!r} is no exact version"
+            assert "://" not in version, f"constraints.txt: {line!r} names a place"
+            pinned[name.strip().lower().replace("_", "-")] = version
+    setup = ast.parse((CHECKOUT / "setup.py").read_text(encoding="utf-8"))
+    texts = [node.value for node in ast.walk(setup) if isinstance(node, ast.Constant)]
+    asked = [re.match(r"([A-Za-z][\w-]*)(\[\w+\])?([<>]=?)\d", str(text)) for text in texts]
+    names = {match.group(1).lower().replace("_", "-") for match in asked if match}
+    assert names, "setup.py asks for nothing"
+    assert names - set(pinned) == set()
