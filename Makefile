@@ -1,0 +1,64 @@
+# `make demo` and `make test` set up an environment of their own first: real rclpy and everything else, at the
+# versions of constraints.txt. Neither needs a ROS installation, and neither takes anything from one.
+
+PYTHON ?= $(shell for python in python3 python3.12 python3.11; do \
+	$$python -c $(SUPPORTED) 2>/dev/null && echo $$python && break; done)
+PIP_ARGS ?=
+VENV ?= .venv
+OUT ?= out/demo
+PYTEST_ARGS ?=
+
+SUPPORTED := 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))'
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.complete
+
+# A sourced ROS installation or another environment would mix its libraries with this one's.
+unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
+unexport ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION RMW_IMPLEMENTATION
+unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH
+ifneq ($(ROS_DISTRO)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+endif
+
+.DEFAULT_GOAL := help
+.PHONY: help venv demo test lint format clean
+
+help:  ## Say what there is
+	@echo "make <target>, with"
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
+	@echo "and the variables"
+	@echo "  PYTHON=...    Python 3.11 or 3.12 to make the environment with"
+	@echo "  PIP_ARGS=...  more arguments for pip, such as --extra-index-url of CPU-only torch builds"
+	@echo "  VENV=...      where the environment lies; $(VENV) now"
+	@echo "  OUT=...       where the demo writes; $(OUT) now"
+	@echo "  PYTEST_ARGS=... more arguments for pytest, such as -k simulator"
+
+venv: $(STAMP)  ## Set up the environment
+
+$(STAMP): setup.py constraints.txt
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or 3.12 on the PATH: install one, or give PYTHON=/path/to/python3.12" >&2; exit 2; }
+	@$(PYTHON) -c $(SUPPORTED) || { echo "make: Python 3.11 or 3.12 is needed, and $(PYTHON) is $$($(PYTHON) --version 2>&1): give PYTHON=/path/to/python3.12" >&2; exit 2; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) || { echo "make: $(PYTHON) cannot make environments: install its venv module (Debian, Ubuntu: python3-venv)" >&2; exit 2; }
+	@echo "Installing into $(VENV): one or two minutes; on Python 3.12 more, where pybullet compiles"
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[test]'
+	@touch $@
+
+demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report in OUT
+	$(BIN)/python -m msrd_ros demo --out $(OUT)
+
+test: lint  ## Check style and types, run all tests
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(STAMP)  ## Check style and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+format: $(STAMP)  ## Put the code into shape
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+clean:  ## Remove the environment, caches and builds; out/ and runs/ stay
+	rm -rf build install log msrd_ros.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -not -path './.git/*' -not -path './.venv*' -prune -exec rm -rf {} +
+	test ! -e $(VENV)/pyvenv.cfg || rm -rf $(VENV)
