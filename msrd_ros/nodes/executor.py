@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PointStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, UInt8MultiArray
 from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
@@ -24,6 +23,7 @@ from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES
 from msrd_ros.facts.translation import NANOSECONDS, JointStateTranslator, read_ball_position, stamp_to_ns
 from msrd_ros.learning.policy_set import Layout, PolicySet, digest
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE, StackNode, run, steady_timer
+from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.table_tennis.stroke_player import Phase, StrokePlayer
 
 START_UP_S = 3.0
@@ -225,15 +225,7 @@ class Executor(StackNode):
         player.prepare(self._policies.policy(self._wanted), self._policies.ready_poses[index] + noise)
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
-        seconds = Layout().control_period_s
-        point = JointTrajectoryPoint(
-            positions=reference.position.tolist(),
-            velocities=reference.velocity.tolist(),
-            time_from_start=Duration(sec=0, nanosec=round(seconds * NANOSECONDS)),
-        )
-        command = JointTrajectory(joint_names=list(JOINT_NAMES), points=[point])
-        command.header.stamp = stamp
-        command.header.frame_id = str(self._strategy or "")
+        command = command_to_message(reference, self._strategy, stamp, Layout().control_period_s)
         self._command.publish(command)
         self._last_command = command
         self._counts["commands"] += 1

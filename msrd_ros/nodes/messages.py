@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from std_msgs.msg import Header, MultiArrayDimension, UInt8MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.outcome import Outcome
+from msrd_ros.facts.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.nodes.common import status
 from msrd_ros.table_tennis.feeder import Feed
 
@@ -50,6 +56,69 @@ def feed_from_message(message: Odometry) -> Feed:
     if not np.isfinite(state).all():
         raise UserError(f"topic feed: {state.tolist()} is not finite; give position, velocity and spin in SI")
     return Feed.from_state(state)
+
+
+class Command(NamedTuple):
+    """What a joint_command asks for: the state after one control period, and for which strategy."""
+
+    label: StrategyLabel | None
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    period_s: float
+
+
+def command_to_message(
+    reference: JointReference, label: StrategyLabel | None, stamp: Any, period_s: float
+) -> JointTrajectory:
+    """A commanded state, reached `period_s` after `stamp`."""
+    point = JointTrajectoryPoint(
+        positions=reference.position.tolist(),
+        velocities=reference.velocity.tolist(),
+        time_from_start=_duration(period_s),
+    )
+    message = JointTrajectory(joint_names=list(JOINT_NAMES), points=[point])
+    message.header.stamp = stamp
+    message.header.frame_id = str(label or "")
+    return message
+
+
+def command_from_message(message: JointTrajectory) -> Command:
+    """Read a joint_command.
+
+    Raises
+    ------
+    UserError
+        If a joint is missing, a number is not finite, or it is beyond a joint's limits; names the joint.
+    """
+    where = "topic joint_command"
+    if len(message.points) != 1:
+        raise UserError(f"{where}: {len(message.points)} points; send one point per control period")
+    point = message.points[0]
+    names = list(message.joint_names)
+    missing = [joint for joint in JOINT_NAMES if joint not in names]
+    if missing or not len(point.positions) == len(point.velocities) == len(names):
+        raise UserError(f"{where}: joint {', '.join(missing) or 'values'} missing; send all seven joints")
+    order = [names.index(joint) for joint in JOINT_NAMES]
+    position, velocity = np.array(point.positions)[order], np.array(point.velocities)[order]
+    period_s = point.time_from_start.sec + point.time_from_start.nanosec / NANOSECONDS
+    # Written so that NaN fails, too.
+    fits = (position >= POSITION_LOWER_RAD) & (position <= POSITION_UPPER_RAD)
+    fits &= np.abs(velocity) <= SPEED_LIMIT_RAD_S * (1.0 + 1e-9)
+    if not fits.all():
+        joint = int(np.flatnonzero(~fits)[0])
+        raise UserError(
+            f"{where}: joint {JOINT_NAMES[joint]} is sent to {position[joint]:.4g} rad at "
+            f"{velocity[joint]:.4g} rad/s, beyond its limits; the command is not obeyed"
+        )
+    if not 0.0 < period_s <= 1.0:
+        raise UserError(f"{where}: time_from_start is {period_s:g} s; send the control period, at most 1 s")
+    text = message.header.frame_id
+    return Command(StrategyLabel.parse(text, where) if text else None, position, velocity, period_s)
+
+
+def _duration(seconds: float) -> Duration:
+    whole, nanoseconds = divmod(round(seconds * NANOSECONDS), NANOSECONDS)
+    return Duration(sec=whole, nanosec=nanoseconds)
 
 
 def outcome_to_message(outcome: Outcome, label: StrategyLabel | None, stamp: Any) -> DiagnosticArray:

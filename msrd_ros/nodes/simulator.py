@@ -1,0 +1,303 @@
+"""Simulator node: Sawyer, table, ball, feeder and referee in Bullet, over topics."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, String
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from msrd_ros.facts.errors import UserError
+from msrd_ros.facts.labels import Side, StrategyLabel
+from msrd_ros.facts.parameters import parameter
+from msrd_ros.facts.sawyer import JOINT_NAMES
+from msrd_ros.facts.translation import NANOSECONDS, stamp_to_ns
+from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, StackNode, run, steady_timer
+from msrd_ros.nodes.frames import FramePublisher
+from msrd_ros.nodes.messages import (
+    WORLD,
+    command_from_message,
+    feed_from_message,
+    feed_to_message,
+    hand_from_message,
+    outcome_to_message,
+)
+from msrd_ros.nodes.scene_markers import scene_markers
+from msrd_ros.table_tennis.camera import CameraConfig
+from msrd_ros.table_tennis.feeder import SPREADS, Feed, Feeder
+from msrd_ros.table_tennis.rally import RallyConfig
+from msrd_ros.table_tennis.urdf import sawyer_urdf
+from msrd_ros.table_tennis.world import Tick, World, WorldConfig
+
+TEACH_PERIOD_S = 0.004
+ASK_AGAIN_S = 0.25
+SHOW_PERIOD_S = 1.0 / 30.0
+SERVE_STREAM = 0xFEED
+
+
+@dataclass(frozen=True)
+class SimulatorConfig:
+    """Parameters of the simulator."""
+
+    mode: str = parameter(
+        "lockstep",
+        "lockstep waits for an answer to every tick; real_time follows the wall clock, watchdogs on",
+        choices=("lockstep", "real_time"),
+    )
+    gui: bool = parameter(False, "Show Bullet's window")
+    seed: int = parameter(0, "Seed of the camera's noise and of ~/serve", low=0)
+    spread: str = parameter("standard", "Spread of the feeds of ~/serve", choices=tuple(SPREADS))
+    camera_rate_hz: float = parameter(200.0, "Frames of the camera", unit="Hz", low=1.0, high=1000.0)
+    camera_noise_m: float = parameter(
+        0.001, "Standard deviation of each coordinate", unit="m", low=0.0, high=0.1
+    )
+    camera_latency_s: float = parameter(0.0, "Age of the newest frame", unit="s", low=0.0, high=0.5)
+    camera_dropout: float = parameter(0.0, "Share of frames lost", low=0.0, high=0.9)
+    joint_state_rate_hz: float = parameter(
+        250.0, "Joint states and ball in real time", unit="Hz", low=10.0, high=1000.0
+    )
+    command_timeout_s: float = parameter(
+        0.1, "In real time: without a command for so long the arm stops", unit="s", low=0.02, high=5.0
+    )
+    mass_scale: float = parameter(1.0, "Factor on the arm's masses", low=0.5, high=2.0)
+    friction_scale: float = parameter(1.0, "Factor on the joints' friction", low=0.0, high=10.0)
+    show: bool = parameter(True, "Publish TF, markers and ball/odometry")
+
+
+class Simulator(StackNode):
+    """One rally after the other, tick by tick."""
+
+    config: SimulatorConfig
+
+    def __init__(self) -> None:
+        super().__init__("simulator", SimulatorConfig)
+        config = self.config
+        camera = CameraConfig(
+            config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
+        )
+        arm = RallyConfig(mass_scale=config.mass_scale, friction_scale=config.friction_scale)
+        self._world = World(WorldConfig(arm, camera, config.seed), gui=config.gui)
+        self._feeder = Feeder()
+        self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
+        self._paused = False
+        self._tick_ns = 0
+        self._asked_s = 0.0
+        self._shown_ns = 0
+        self._path: list[NDArray[np.float64]] = []
+        self._counts = {"returned": 0, "ticks": 0, "asked_again": 0, "refused": 0}
+        self._open_topics()
+        self._open_services()
+        self._frames = FramePublisher(self)
+        self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
+        if config.mode == "lockstep":
+            steady_timer(self, ASK_AGAIN_S / 2, self._ask_again)
+            self._tick()
+        else:
+            self._real_time_s = time.monotonic()
+            steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
+
+    def close(self) -> None:
+        """Let go of Bullet."""
+        self._world.close()
+
+    def diagnose(self) -> tuple[str, dict[str, object]]:
+        world = self._world
+        return "teaching" if world.teaching else "playing", {
+            "balls": world.balls,
+            **self._counts,
+            "strategy": world.strategy or "",
+            "feeds_waiting": world.feeds_waiting,
+            **world.rally.audit(),
+        }
+
+    def _open_topics(self) -> None:
+        self._clock = self.create_publisher(ClockMessage, "/clock", COMMAND)
+        self._ball = self.create_publisher(PointStamped, "ball/position", STATE)
+        self._joint_states = self.create_publisher(JointState, "joint_states", STATE)
+        self._odometry = self.create_publisher(Odometry, "ball/odometry", STATE)
+        self._outcome = self.create_publisher(DiagnosticArray, "rally/outcome", EVENT)
+        self._scene = self.create_publisher(MarkerArray, "scene", COMMAND)
+        self._description = self.create_publisher(String, "robot_description", LATCHED)
+        self._description.publish(String(data=sawyer_urdf()))
+        self.create_subscription(Header, "strategy", self._on_strategy, LATCHED)
+        self.create_subscription(Odometry, "feed", self._on_feed, EVENT)
+        self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
+        self.create_subscription(MultiDOFJointTrajectory, "teach/hand", self._on_hand, COMMAND)
+
+    def _open_services(self) -> None:
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/serve", self._on_serve)
+        self.create_service(SetBool, "~/teach", self._on_teach)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+
+    # -- time ----------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        """Publish one tick; in lockstep the world stands still until it is answered."""
+        self._tick_ns = self._world.time_ns
+        self._asked_s = time.monotonic()
+        self._counts["ticks"] += 1
+        self._publish_tick()
+
+    def _ask_again(self) -> None:
+        if not self._paused and time.monotonic() - self._asked_s > ASK_AGAIN_S:
+            self._counts["asked_again"] += 1
+            self._asked_s = time.monotonic()
+            self._publish_tick()
+
+    def _advance(self, period_s: float) -> None:
+        """Let the world go on for one period and publish the next tick."""
+        self._world.advance(period_s)
+        self._publish_results()
+        self._tick()
+
+    def _follow_wall_clock(self) -> None:
+        now_s = time.monotonic()
+        behind_s = now_s - self._real_time_s
+        if self._paused or behind_s < 0.001:
+            self._real_time_s = now_s if self._paused else self._real_time_s
+            return
+        # After a long stall the world does not rush to catch up.
+        period_s = min(round(behind_s, 3), 0.05)
+        self._real_time_s = now_s if behind_s > 0.05 else self._real_time_s + period_s
+        self._advance(period_s)
+
+    def _publish_results(self) -> None:
+        while self._world.results:
+            label, outcome = self._world.results.popleft()
+            self._counts["returned"] += outcome.returned
+            self._outcome.publish(outcome_to_message(outcome, label, self._stamp(self._world.time_ns)))
+            self._path = []
+
+    # -- what comes in -------------------------------------------------------------------------
+
+    def _on_strategy(self, message: Header) -> None:
+        try:
+            text = message.frame_id
+            self._world.strategy = StrategyLabel.parse(text, "topic strategy") if text else None
+        except UserError as error:
+            self._refuse(error)
+
+    def _on_feed(self, message: Odometry) -> None:
+        try:
+            self._world.feed(feed_from_message(message), stamp_to_ns(message.header.stamp))
+        except UserError as error:
+            self._refuse(error)
+
+    def _on_command(self, message: JointTrajectory) -> None:
+        if self._world.teaching or self._paused or not self._answers_tick(message.header.stamp):
+            return
+        try:
+            command = command_from_message(message)
+        except UserError as error:
+            self._refuse(error)
+            return
+        self._world.command(command.position, command.velocity, command.period_s, command.label)
+        if self.config.mode == "lockstep":
+            self._advance(command.period_s)
+
+    def _on_hand(self, message: MultiDOFJointTrajectory) -> None:
+        if not self._world.teaching or self._paused or not self._answers_tick(message.header.stamp):
+            return
+        try:
+            target = hand_from_message(message)
+        except UserError as error:
+            self._refuse(error)
+            return
+        if target is not None:
+            self._world.lead_hand(target)
+        if self.config.mode == "lockstep":
+            self._advance(TEACH_PERIOD_S)
+
+    def _answers_tick(self, stamp: Any) -> bool:
+        return self.config.mode != "lockstep" or stamp_to_ns(stamp) == self._tick_ns
+
+    def _refuse(self, error: UserError) -> None:
+        self._counts["refused"] += 1
+        self.get_logger().error(str(error), throttle_duration_sec=1.0)
+
+    # -- services ------------------------------------------------------------------------------
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._world.reset()
+        self._publish_results()
+        self._tick()
+        response.success, response.message = True, "arm at home, no ball in play"
+        return response
+
+    def _on_serve(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        side = self._world.strategy.side if self._world.strategy else Side.FOREHAND
+        self._world.feed(self._feeder.sample(side, SPREADS[self.config.spread], self._serve_rng))
+        response.success, response.message = True, f"a ball to the {side.value} is coming"
+        return response
+
+    def _on_teach(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._world.rally.ball_in_play:
+            response.success, response.message = False, "a ball is in play; ask again after it"
+            return response
+        self._world.set_teaching(request.data)
+        self._tick()
+        response.success = True
+        response.message = "arm in zero-g, led by teach/hand" if request.data else "arm follows joint_command"
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = request.data
+        response.success, response.message = True, "paused" if request.data else "running"
+        return response
+
+    # -- what goes out -------------------------------------------------------------------------
+
+    @staticmethod
+    def _stamp(time_ns: int) -> Any:
+        return Time(nanoseconds=time_ns).to_msg()
+
+    def _publish_tick(self) -> None:
+        tick = self._world.tick()
+        stamp = self._stamp(tick.time_ns)
+        self._clock.publish(ClockMessage(clock=stamp))
+        # The ball before the joints: whoever waits for both is then ready with the second.
+        ball = PointStamped()
+        ball.header.frame_id = WORLD
+        ball.header.stamp = self._stamp(tick.ball_stamp_ns)
+        ball.point.x, ball.point.y, ball.point.z = map(float, tick.ball_position)
+        self._ball.publish(ball)
+        if self.config.show and tick.time_ns - self._shown_ns >= SHOW_PERIOD_S * NANOSECONDS:
+            self._show(tick, stamp)
+        state = JointState(
+            name=list(JOINT_NAMES),
+            position=tick.joint_position.tolist(),
+            velocity=tick.joint_velocity.tolist(),
+            effort=tick.joint_effort.tolist(),
+        )
+        state.header.stamp = stamp
+        state.header.frame_id = str(tick.label or "")
+        self._joint_states.publish(state)
+
+    def _show(self, tick: Tick, stamp: Any) -> None:
+        """Pictures for people, at their own modest rate of simulated time."""
+        self._shown_ns = tick.time_ns
+        ball = self._world.rally.ball
+        odometry = feed_to_message(Feed.from_state(ball), stamp)
+        self._odometry.publish(odometry)
+        self._frames.publish(tick.joint_position, stamp)
+        if self._scene.get_subscription_count():
+            self._path.append(ball[:3].copy())
+            self._scene.publish(scene_markers(self._world.rally.scene, ball[:3], self._path))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Start the simulator."""
+    return run("simulator", Simulator, argv, __doc__)
