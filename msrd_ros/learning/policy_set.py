@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,49 +19,39 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_arrays
 from safetensors.numpy import save as save_arrays
 
-from msrd_ros.facts.episode import ACTION_NAMES, CONTROL_PERIOD_S, OBSERVATION_NAMES
+from msrd_ros.facts.episode import ACTING_STEPS, ACTION_NAMES, CONTROL_PERIOD_S, OBSERVATION_NAMES
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.sawyer import JOINT_COUNT
+from msrd_ros.learning.layout import Layout
+
+PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Maps an observation (O,) to an action (A,)."""
 
 FORMAT = "msrd_ros policy set 1"
 
 
-@dataclass(frozen=True)
-class Layout:
-    """What goes into a policy and what comes out, and how often."""
-
-    observation_names: tuple[str, ...] = OBSERVATION_NAMES
-    action_names: tuple[str, ...] = ACTION_NAMES
-    control_period_s: float = CONTROL_PERIOD_S
-
-    def check(self, wanted: Layout, where: str) -> None:
-        """Refuse another layout.
-
-        Raises
-        ------
-        UserError
-            Says what differs.
-        """
-        for field in ("observation_names", "action_names", "control_period_s"):
-            mine, theirs = getattr(self, field), getattr(wanted, field)
-            if mine != theirs:
-                raise UserError(
-                    f"{where}: {field.replace('_', ' ')} do not fit: it has {_short(mine, theirs)}, "
-                    f"wanted is {_short(theirs, mine)}; train a policy with this layout"
-                )
+def stroke_layout(labels: Sequence[StrategyLabel]) -> Layout:
+    """The layout of this package's strokes: what every policy that the executor plays must have."""
+    return Layout(OBSERVATION_NAMES, ACTION_NAMES, tuple(map(str, labels)), CONTROL_PERIOD_S)
 
 
-def _short(values: Any, other: Any) -> str:
-    """Only what differs, if these are lists of names."""
-    if not isinstance(values, tuple):
-        return str(values)
-    different = [name for name in values if name not in other]
-    return f"{len(values)} names" + (f" with {', '.join(different)}" if different else " in another order")
+class StrokeDraws(NamedTuple):
+    """Standard normal draws of one stroke: start posture (7,) and exploration (T_act, 7)."""
+
+    ready: NDArray[np.float64]
+    action: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, seed: int, index: int) -> StrokeDraws:
+        """The draws of stroke number `index`: the same whoever plays it, in process or over topics."""
+        rng = np.random.default_rng((seed, index))
+        return cls(rng.standard_normal(JOINT_COUNT), rng.standard_normal((ACTING_STEPS, JOINT_COUNT)))
 
 
 @dataclass(frozen=True)
 class PolicySet:
-    """Deterministic policies (the means) of several strategies.
+    """Gaussian policies of several strategies.
 
     Attributes
     ----------
@@ -75,8 +65,12 @@ class PolicySet:
         Shape (O,): the networks see ``(observation - offset) * scale``.
     weights, biases
         Layers of the networks: shapes (S, in, out) and (S, out); tanh between them.
+    log_std
+        Spread of the actions when exploring, shape (S, A).
     layout
         Names of what goes in and comes out.
+    exploration_seed
+        Of the draws with which the actions are to be varied; None plays the means.
     """
 
     labels: tuple[StrategyLabel, ...]
@@ -86,10 +80,12 @@ class PolicySet:
     input_scale: NDArray[np.float64]
     weights: tuple[NDArray[np.float64], ...]
     biases: tuple[NDArray[np.float64], ...]
-    layout: Layout = Layout()
+    log_std: NDArray[np.float64]
+    layout: Layout
+    exploration_seed: int | None = None
 
-    def policy(self, label: StrategyLabel) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """The policy of one strategy: observation (O,) to action (A,).
+    def policy(self, label: StrategyLabel) -> PolicyFunction:
+        """The mean of one strategy's policy: observation (O,) to action (A,).
 
         Raises
         ------
@@ -111,6 +107,16 @@ class PolicySet:
 
         return act
 
+    def explorer(self, label: StrategyLabel, draws: StrokeDraws) -> PolicyFunction:
+        """One stroke of a strategy's policy with its actions varied by `draws`."""
+        mean = self.policy(label)
+        noise = iter(draws.action * np.exp(self.log_std[self.index(label)]))
+
+        def act(observation: NDArray[np.float64]) -> NDArray[np.float64]:
+            return mean(observation) + next(noise)
+
+        return act
+
     def index(self, label: StrategyLabel) -> int:
         """Row of a strategy in all arrays."""
         if label not in self.labels:
@@ -125,16 +131,15 @@ class PolicySet:
             "landing_points": self.landing_points,
             "input_offset": self.input_offset,
             "input_scale": self.input_scale,
+            "log_std": self.log_std,
         }
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays[f"weight_{layer}"], arrays[f"bias_{layer}"] = weight, bias
         # One entry only: safetensors does not keep the order of several.
         facts = {
             "format": FORMAT,
-            "labels": [str(label) for label in self.labels],
-            "observation_names": self.layout.observation_names,
-            "action_names": self.layout.action_names,
-            "control_period_s": self.layout.control_period_s,
+            "layout": self.layout.to_dict(),
+            "exploration_seed": self.exploration_seed,
         }
         contiguous = {name: np.ascontiguousarray(array, dtype=np.float64) for name, array in arrays.items()}
         return save_arrays(contiguous, {"policy_set": json.dumps(facts)})
@@ -152,18 +157,19 @@ class PolicySet:
             arrays = load_arrays(data)
             header_size = int.from_bytes(data[:8], "little")
             facts = json.loads(json.loads(data[8 : 8 + header_size])["__metadata__"]["policy_set"])
+            layout = Layout.from_dict(facts["layout"])
             layers = sum(name.startswith("weight_") for name in arrays)
             found = cls(
-                tuple(StrategyLabel.parse(label, where) for label in facts["labels"]),
+                tuple(StrategyLabel.parse(label, where) for label in layout.labels),
                 arrays["ready_poses"],
                 arrays["landing_points"],
                 arrays["input_offset"],
                 arrays["input_scale"],
                 tuple(arrays[f"weight_{layer}"] for layer in range(layers)),
                 tuple(arrays[f"bias_{layer}"] for layer in range(layers)),
-                Layout(
-                    tuple(facts["observation_names"]), tuple(facts["action_names"]), facts["control_period_s"]
-                ),
+                arrays["log_std"],
+                layout,
+                facts["exploration_seed"],
             )
         except (SafetensorError, KeyError, ValueError, TypeError) as error:
             raise UserError(

@@ -15,13 +15,14 @@ from std_msgs.msg import Header, UInt8MultiArray
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
+from msrd_ros.facts.episode import CONTROL_PERIOD_S
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES
+from msrd_ros.facts.sawyer import JOINT_NAMES
 from msrd_ros.facts.translation import NANOSECONDS, JointStateTranslator, read_ball_position, stamp_to_ns
-from msrd_ros.learning.policy_set import Layout, PolicySet, digest
+from msrd_ros.learning.policy_set import PolicySet, StrokeDraws, digest, stroke_layout
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.table_tennis.stroke_player import Phase, StrokePlayer
@@ -76,11 +77,12 @@ class Executor(StackNode):
         self._heard_s = 0.0
         self._last_command: JointTrajectory | None = None
         self._strokes = 0
+        self._swapped_at = 0
         self._counts = {"commands": 0, "swaps": 0, "stops": 0, "refused": 0}
         if self.config.checkpoint:
             path = Path(self.config.checkpoint).expanduser()
             self._arriving = PolicySet.load(path)
-            self._arriving.layout.check(Layout(), str(path))
+            self._arriving.layout.require(stroke_layout(()), str(path))
             self._digest = digest(path.read_bytes())
         self._command = self.create_publisher(JointTrajectory, "joint_command", COMMAND)
         # The ball first: within a tick it is sent first, and is then taken first.
@@ -120,7 +122,7 @@ class Executor(StackNode):
             if layout != "safetensors":
                 raise UserError(f"topic policy: layout.dim[0].label is {layout!r}, wanted is 'safetensors'")
             policies = PolicySet.from_bytes(data, "topic policy")
-            policies.layout.check(Layout(), "topic policy")
+            policies.layout.require(stroke_layout(()), "topic policy")
         except UserError as error:
             self._refuse(str(error))
             return
@@ -160,7 +162,7 @@ class Executor(StackNode):
             return
         message, self._pending, self._has_new_ball = self._pending, None, False
         now_ns = stamp_to_ns(message.header.stamp)
-        period_ns = round(Layout().control_period_s * NANOSECONDS)
+        period_ns = round(CONTROL_PERIOD_S * NANOSECONDS)
         if not lockstep and 0 <= now_ns - self._answered_ns < 0.9 * period_ns:
             return  # a driver that publishes faster than the control rate
         try:
@@ -218,14 +220,23 @@ class Executor(StackNode):
             self._refuse(str(error))
             self._wanted = None
             return
-        self._strokes = player.strokes_begun
         self._strategy = self._wanted
-        rng = np.random.default_rng((self.config.seed, self._strokes))
-        noise = rng.normal(0.0, 1.0, JOINT_COUNT) * self.config.ready_noise_rad
-        player.prepare(self._policies.policy(self._wanted), self._policies.ready_poses[index] + noise)
+        self._strokes = player.strokes_begun
+        if swapped:
+            self._swapped_at = self._strokes
+        exploring = self._policies.exploration_seed
+        seed = self.config.seed if exploring is None else exploring
+        draws = StrokeDraws.of(seed, self._strokes - self._swapped_at)
+        policy = (
+            self._policies.policy(self._wanted)
+            if exploring is None
+            else self._policies.explorer(self._wanted, draws)
+        )
+        ready_pose = self._policies.ready_poses[index] + self.config.ready_noise_rad * draws.ready
+        player.prepare(policy, ready_pose)
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
-        command = command_to_message(reference, self._strategy, stamp, Layout().control_period_s)
+        command = command_to_message(reference, self._strategy, stamp, CONTROL_PERIOD_S)
         self._command.publish(command)
         self._last_command = command
         self._counts["commands"] += 1
