@@ -28,11 +28,13 @@ def _any_posture(rng: np.random.Generator) -> np.ndarray:
 
 
 def test_the_arm_stretched_out_has_the_published_lengths() -> None:
-    # All joints at zero, Sawyer reaches straight forward: the offsets along x simply add up.
+    # All joints at zero, Sawyer reaches straight forward: the published offsets simply add up.
     position, rotation = paddle_pose(np.zeros(7))
-    forward = 0.081 + 0.1425 + 0.26 + 0.1265 + 0.275 + 0.1053 + 0.2045
-    assert position[0] - (-2.30) == pytest.approx(forward, abs=0.01)
-    assert rotation[:, 2] @ [1.0, 0.0, 0.0] == pytest.approx(1.0, abs=1e-4)
+    forward = 0.081 + 0.14 + 0.26 + 0.125 + 0.275 + 0.11 + 0.2045
+    left = 0.05 + 0.1425 - 0.042 - 0.1265 + 0.031 + 0.1053
+    up = 0.91 + 0.08 + 0.237
+    np.testing.assert_allclose(position, [-2.30 + forward, left, up], atol=1e-5)
+    np.testing.assert_allclose(rotation[:, 2], [1.0, 0.0, 0.0], atol=1e-4)
 
 
 def test_the_last_link_frame_carries_the_paddle(rng: np.random.Generator) -> None:

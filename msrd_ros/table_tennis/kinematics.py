@@ -88,6 +88,43 @@ def place_paddle(joint_position: Array, position: Array, rotation: Array) -> Non
 
 
 @njit(cache=True, nogil=True)
+def place_moving_paddle(joint_position: Array, joint_velocity: Array, paddle: Array) -> None:
+    """Write pose and motion of the paddle as the twelve floats that the ball's contacts want.
+
+    Velocities are carried outwards along the chain, which costs little more than the pose alone.
+
+    Parameters
+    ----------
+    joint_position, joint_velocity
+        Shape (7,), rad and rad/s.
+    paddle
+        Filled with blade centre (m), normal of the forehand face, velocity of the centre (m/s) and angular
+        velocity (rad/s), shape (12,).
+    """
+    position, rotation = np.empty(3), np.empty((3, 3))
+    _place_at_base(position, rotation)
+    vx = vy = vz = wx = wy = wz = 0.0
+    for index in range(JOINT_COUNT + 1):
+        x, y, z = position[0], position[1], position[2]
+        if index < JOINT_COUNT:
+            _turn_onto_child(index, joint_position[index], position, rotation)
+        else:
+            for row in range(3):
+                position[row] += _REACH * rotation[row, 2]
+        x, y, z = position[0] - x, position[1] - y, position[2] - z
+        vx, vy, vz = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+        if index < JOINT_COUNT:
+            wx += joint_velocity[index] * rotation[0, 2]
+            wy += joint_velocity[index] * rotation[1, 2]
+            wz += joint_velocity[index] * rotation[2, 2]
+    for row in range(3):
+        paddle[row] = position[row]
+        paddle[3 + row] = rotation[row, 1]
+    paddle[6], paddle[7], paddle[8] = vx, vy, vz
+    paddle[9], paddle[10], paddle[11] = wx, wy, wz
+
+
+@njit(cache=True, nogil=True)
 def paddle_pose(joint_position: Array) -> tuple[Array, Array]:
     """Blade centre (3,) in m and rotation (3, 3) of the paddle; see `place_paddle`."""
     position = np.empty(3)

@@ -117,3 +117,20 @@ The blade's normal is the y axis of `right_l6`: the forehand face looks to +y, t
 """
 BLADE_RADIUS_M = 0.075
 BLADE_THICKNESS_M = 0.012
+
+HANDLE_MASS_SHARE = 0.3
+HANDLE_LENGTH_M = 0.10
+
+
+def paddle_inertia() -> LinkInertia:
+    """Mass properties of the paddle in the frame of its blade: a disc with a rod for a handle."""
+    handle = HANDLE_MASS_SHARE * PADDLE_MASS_KG
+    blade = PADDLE_MASS_KG - handle
+    handle_z = -(BLADE_RADIUS_M + HANDLE_LENGTH_M / 2)
+    centre_z = handle * handle_z / PADDLE_MASS_KG
+    about_diameter = blade * (BLADE_RADIUS_M**2 / 4 + BLADE_THICKNESS_M**2 / 12)
+    about_axis = blade * BLADE_RADIUS_M**2 / 2
+    # Of both parts about the common centre of mass, for axes across the handle.
+    swing = handle * (HANDLE_LENGTH_M**2 / 12 + (handle_z - centre_z) ** 2) + blade * centre_z**2
+    moments = (about_diameter + swing, 0.0, 0.0, about_axis + swing, 0.0, about_diameter)
+    return LinkInertia("paddle", PADDLE_MASS_KG, (0.0, 0.0, centre_z), moments)
