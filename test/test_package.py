@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -130,6 +131,22 @@ def test_parameter_file_has_the_layout_that_ros_reads(path: Path) -> None:
     assert set(content) == {path.stem}
     assert set(content[path.stem]) == {"ros__parameters"}
     assert content[path.stem]["ros__parameters"]
+
+
+@pytest.mark.parametrize(("distribution", "with_wheels"), [("", True), ("jazzy", False)])
+def test_rclpy_comes_from_wheels_only_without_a_ros_installation(
+    distribution: str, with_wheels: bool, source: Path, tmp_path: Path
+) -> None:
+    subprocess.run(
+        [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(tmp_path)],
+        env={**os.environ, "ROS_DISTRO": distribution},
+        cwd=source,
+        check=True,
+    )
+    asked = (tmp_path / f"{PACKAGE}.egg-info" / "requires.txt").read_text(encoding="utf-8")
+    assert ("ros-jazzy-rclpy" in asked) == with_wheels
+    # The installation's messages are built against NumPy 1.
+    assert ("numpy<2" in asked) != with_wheels
 
 
 def test_constraints_pin_what_setup_asks_for() -> None:
