@@ -19,6 +19,8 @@ from msrd_ros.table_tennis.surfaces import (
     TABLE_SIDE,
     fixed_gap,
     fixed_touch,
+    may_touch_fixed,
+    may_touch_paddle,
     paddle_gap,
     paddle_touch,
 )
@@ -117,12 +119,14 @@ def first_touch(
     surface = NO_CONTACT
     earliest = left
     for candidate in (TABLE, NET, FLOOR):
-        wait = fixed_touch(candidate, ball, end, left, scene)
+        if may_touch_fixed(candidate, ball, end, left, scene):
+            wait = fixed_touch(candidate, ball, end, left, scene)
+            if wait < earliest:
+                surface, earliest = candidate, wait
+    if may_touch_paddle(ball, end, paddle_start, paddle_end, duration, scene):
+        wait = paddle_touch(ball, end, left, paddle_start, paddle_end, elapsed, duration, scene)
         if wait < earliest:
-            surface, earliest = candidate, wait
-    wait = paddle_touch(ball, end, left, paddle_start, paddle_end, elapsed, duration, scene)
-    if wait < earliest:
-        surface, earliest = PADDLE, wait
+            surface, earliest = PADDLE, wait
     return surface, earliest
 
 
