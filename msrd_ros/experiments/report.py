@@ -33,7 +33,8 @@ table { border-collapse: collapse; margin: 16px 0; font-variant-numeric: tabular
 th { text-align: left; border-bottom: 2px solid var(--ink); padding: 6px 14px 6px 0; font-weight: 600; }
 td { border-bottom: 1px solid var(--line); padding: 6px 14px 6px 0; vertical-align: top; }
 .numbers { display: flex; flex-wrap: wrap; gap: 16px; margin: 20px 0; }
-.number { border: 1px solid var(--line); border-top: 3px solid var(--accent); padding: 12px 18px; min-width: 150px; }
+.number { border: 1px solid var(--line); border-top: 3px solid var(--accent);
+  padding: 12px 18px; min-width: 150px; }
 .number b { display: block; font-size: 26px; line-height: 1.2; }
 .number span { color: var(--soft); font-size: 14px; }
 code, pre { font: 14px/1.5 ui-monospace, Menlo, Consolas, monospace; background: #f0f2f5; }

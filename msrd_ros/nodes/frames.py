@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time as TimeMessage
 from numpy.typing import NDArray
 from rclpy.node import Node
 
 from msrd_ros.nodes.common import LATCHED, STATE
 from msrd_ros.nodes.messages import WORLD
 from msrd_ros.nodes.scene_markers import transform_stamped
-from msrd_ros.table_tennis.kinematics import LINK_NAMES, link_frames
+from msrd_ros.table_tennis.kinematics import link_frames, rotation_from_roll_pitch_yaw
 from msrd_ros.table_tennis.rotations import quaternion_from_rotation
+from msrd_ros.table_tennis.urdf import FIXED_JOINTS, JointOrigin
 
 try:
     # Part of every ROS installation, but of no wheel: without it there is no RViz to look at TF either.
@@ -20,15 +22,18 @@ try:
 except ImportError:
     TFMessage = None
 
+_LINKS = tuple(f"right_l{index}" for index in range(7))
+
 
 class FramePublisher:
     """Publishes each link's pose in `world`: `/tf` for the arm, `/tf_static` for its base."""
 
     def __init__(self, node: Node) -> None:
-        self._moving = self._fixed = None
+        self._moving = None
         if TFMessage is not None:
             self._moving = node.create_publisher(TFMessage, "/tf", STATE)
-            self._fixed = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+            fixed = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+            fixed.publish(TFMessage(transforms=[_fixed_frame(joint) for joint in FIXED_JOINTS]))
 
     def publish(self, joint_position: NDArray[np.float64], stamp: Any) -> None:
         """Publish where the links are with these joint angles, shape (7,)."""
@@ -39,7 +44,14 @@ class FramePublisher:
             TFMessage(
                 transforms=[
                     transform_stamped(WORLD, name, position, quaternion_from_rotation(rotation), stamp)
-                    for name, position, rotation in zip(LINK_NAMES, positions, rotations, strict=True)
+                    for name, position, rotation in zip(_LINKS, positions, rotations, strict=True)
                 ]
             )
         )
+
+
+def _fixed_frame(joint: JointOrigin) -> Any:
+    rotation = rotation_from_roll_pitch_yaw(*joint.roll_pitch_yaw)
+    return transform_stamped(
+        joint.parent, joint.child, np.array(joint.offset), quaternion_from_rotation(rotation), TimeMessage()
+    )

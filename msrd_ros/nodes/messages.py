@@ -7,10 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Transform, Twist, Vector3
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from std_msgs.msg import Header, MultiArrayDimension, UInt8MultiArray
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
 
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
@@ -20,9 +26,11 @@ from msrd_ros.facts.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPE
 from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.nodes.common import status
 from msrd_ros.table_tennis.feeder import Feed
+from msrd_ros.table_tennis.teaching import HandGesture
 
 WORLD = "world"
 RALLY = "rally"
+PADDLE = "paddle"
 
 
 def feed_to_message(feed: Feed, stamp: Any = None) -> Odometry:
@@ -119,6 +127,66 @@ def command_from_message(message: JointTrajectory) -> Command:
 def _duration(seconds: float) -> Duration:
     whole, nanoseconds = divmod(round(seconds * NANOSECONDS), NANOSECONDS)
     return Duration(sec=whole, nanosec=nanoseconds)
+
+
+def gesture_to_message(gesture: HandGesture, stamp: Any) -> MultiDOFJointTrajectory:
+    """Where the hand leads the paddle: one point is streamed, many are a whole gesture."""
+    message = MultiDOFJointTrajectory(joint_names=[PADDLE])
+    message.header.frame_id = WORLD
+    message.header.stamp = stamp
+    for index, time_s in enumerate(gesture.times_s):
+        linear, angular = gesture.velocities[index], gesture.angular_velocities[index]
+        message.points.append(
+            MultiDOFJointTrajectoryPoint(
+                transforms=[transform(gesture.positions[index], gesture.quaternions[index])],
+                velocities=[
+                    Twist(
+                        linear=Vector3(x=float(linear[0]), y=float(linear[1]), z=float(linear[2])),
+                        angular=Vector3(x=float(angular[0]), y=float(angular[1]), z=float(angular[2])),
+                    )
+                ],
+                time_from_start=_duration(float(time_s)),
+            )
+        )
+    return message
+
+
+def gesture_from_message(message: MultiDOFJointTrajectory) -> HandGesture | None:
+    """Read where the hand leads the paddle; None (no points) lets the gesture under way go on.
+
+    Raises
+    ------
+    UserError
+        If it is in another frame, leads something else than the paddle, or a number is not finite.
+    """
+    where = "topic teach/hand"
+    if message.header.frame_id != WORLD or list(message.joint_names) != [PADDLE]:
+        raise UserError(
+            f"{where}: frame {message.header.frame_id!r}, joints {list(message.joint_names)}; "
+            f"lead the joint {PADDLE!r} in frame {WORLD!r}"
+        )
+    if not message.points:
+        return None
+    if any(len(point.transforms) != 1 or len(point.velocities) != 1 for point in message.points):
+        raise UserError(f"{where}: give one transform and one velocity in every point")
+    poses = [point.transforms[0] for point in message.points]
+    twists = [point.velocities[0] for point in message.points]
+    times = [point.time_from_start for point in message.points]
+    return HandGesture(
+        np.array([time.sec + time.nanosec / NANOSECONDS for time in times]),
+        np.array([[getattr(pose.translation, axis) for axis in "xyz"] for pose in poses]),
+        np.array([[getattr(pose.rotation, axis) for axis in "xyzw"] for pose in poses]),
+        np.array([[getattr(twist.linear, axis) for axis in "xyz"] for twist in twists]),
+        np.array([[getattr(twist.angular, axis) for axis in "xyz"] for twist in twists]),
+    )
+
+
+def transform(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> Transform:
+    """Position (3,) in m and quaternion (x, y, z, w) as geometry_msgs/Transform."""
+    value = Transform()
+    value.translation.x, value.translation.y, value.translation.z = map(float, position)
+    value.rotation.x, value.rotation.y, value.rotation.z, value.rotation.w = map(float, quaternion)
+    return value
 
 
 def outcome_to_message(outcome: Outcome, label: StrategyLabel | None, stamp: Any) -> DiagnosticArray:

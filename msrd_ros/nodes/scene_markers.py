@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Transform, TransformStamped
+from geometry_msgs.msg import Point, TransformStamped
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from msrd_ros.nodes.messages import WORLD
+from msrd_ros.nodes.messages import WORLD, transform
 from msrd_ros.table_tennis.scene import Scene
 
 TABLE_BLUE = ColorRGBA(r=0.05, g=0.22, b=0.45, a=1.0)
@@ -56,11 +56,3 @@ def transform_stamped(
     message.header.stamp = stamp
     message.transform = transform(position, quaternion)
     return message
-
-
-def transform(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> Transform:
-    """Position (3,) in m and quaternion (x, y, z, w) as geometry_msgs/Transform."""
-    value = Transform()
-    value.translation.x, value.translation.y, value.translation.z = map(float, position)
-    value.rotation.x, value.rotation.y, value.rotation.z, value.rotation.w = map(float, quaternion)
-    return value

@@ -31,10 +31,11 @@ from msrd_ros.nodes.messages import (
     command_from_message,
     feed_from_message,
     feed_to_message,
-    hand_from_message,
+    gesture_from_message,
     outcome_to_message,
 )
 from msrd_ros.nodes.scene_markers import scene_markers
+from msrd_ros.table_tennis.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.camera import CameraConfig
 from msrd_ros.table_tennis.feeder import SPREADS, Feed, Feeder
 from msrd_ros.table_tennis.rally import RallyConfig
@@ -72,7 +73,7 @@ class SimulatorConfig:
         0.1, "In real time: without a command for so long the arm stops", unit="s", low=0.02, high=5.0
     )
     mass_scale: float = parameter(1.0, "Factor on the arm's masses", low=0.5, high=2.0)
-    friction_scale: float = parameter(1.0, "Factor on the joints' friction", low=0.0, high=10.0)
+    joint_friction_nm: float = parameter(0.0, "Dry friction of every joint", unit="Nm", low=0.0, high=10.0)
     show: bool = parameter(True, "Publish TF, markers and ball/odometry")
 
 
@@ -87,8 +88,8 @@ class Simulator(StackNode):
         camera = CameraConfig(
             config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
         )
-        arm = RallyConfig(mass_scale=config.mass_scale, friction_scale=config.friction_scale)
-        self._world = World(WorldConfig(arm, camera, config.seed), gui=config.gui)
+        arm = ArmConfig(mass_scale=config.mass_scale, joint_friction_nm=config.joint_friction_nm)
+        self._world = World(WorldConfig(RallyConfig(arm=arm), camera, config.seed), gui=config.gui)
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
         self._paused = False
@@ -113,17 +114,19 @@ class Simulator(StackNode):
         self._world.close()
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
-        world = self._world
+        world, limits = self._world, self._world.rally.limits
         return "teaching" if world.teaching else "playing", {
             "balls": world.balls,
             **self._counts,
             "strategy": world.strategy or "",
             "feeds_waiting": world.feeds_waiting,
-            **world.rally.audit(),
+            "limits_exceeded": limits.limits_exceeded,
+            "speed_fraction_max": float(limits.speed_fraction.max()),
+            "torque_fraction_max": float(limits.torque_fraction.max()),
         }
 
     def _open_topics(self) -> None:
-        self._clock = self.create_publisher(ClockMessage, "/clock", COMMAND)
+        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", COMMAND)
         self._ball = self.create_publisher(PointStamped, "ball/position", STATE)
         self._joint_states = self.create_publisher(JointState, "joint_states", STATE)
         self._odometry = self.create_publisher(Odometry, "ball/odometry", STATE)
@@ -212,12 +215,12 @@ class Simulator(StackNode):
         if not self._world.teaching or self._paused or not self._answers_tick(message.header.stamp):
             return
         try:
-            target = hand_from_message(message)
+            gesture = gesture_from_message(message)
         except UserError as error:
             self._refuse(error)
             return
-        if target is not None:
-            self._world.lead_hand(target)
+        if gesture is not None:
+            self._world.lead_hand(gesture)
         if self.config.mode == "lockstep":
             self._advance(TEACH_PERIOD_S)
 
@@ -267,7 +270,7 @@ class Simulator(StackNode):
     def _publish_tick(self) -> None:
         tick = self._world.tick()
         stamp = self._stamp(tick.time_ns)
-        self._clock.publish(ClockMessage(clock=stamp))
+        self._clock_publisher.publish(ClockMessage(clock=stamp))
         # The ball before the joints: whoever waits for both is then ready with the second.
         ball = PointStamped()
         ball.header.frame_id = WORLD
@@ -295,7 +298,7 @@ class Simulator(StackNode):
         self._frames.publish(tick.joint_position, stamp)
         if self._scene.get_subscription_count():
             self._path.append(ball[:3].copy())
-            self._scene.publish(scene_markers(self._world.rally.scene, ball[:3], self._path))
+            self._scene.publish(scene_markers(self._world.config.rally.scene, ball[:3], self._path))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -7,6 +7,7 @@ bit for bit whatever was played before.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -19,7 +20,7 @@ from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD
 from msrd_ros.table_tennis.ball_step import step_ball
-from msrd_ros.table_tennis.bullet_arm import ArmConfig, BulletArm, LimitLog
+from msrd_ros.table_tennis.bullet_arm import BulletArm, LimitLog
 from msrd_ros.table_tennis.bullet_scene import BulletScene
 from msrd_ros.table_tennis.dynamics import inverse_dynamics
 from msrd_ros.table_tennis.feeder import Feed, Feeder
@@ -30,12 +31,17 @@ from msrd_ros.table_tennis.rotations import quaternion_from_rotation
 from msrd_ros.table_tennis.sawyer_description import BASE_POSITION
 from msrd_ros.table_tennis.scene import Scene
 from msrd_ros.table_tennis.surfaces import NO_PADDLE, PADDLE_SIZE
-from msrd_ros.table_tennis.teaching import GuidanceConfig, HandGesture, HandGuidance
+from msrd_ros.table_tennis.teaching import GuidanceConfig, HandGuidance, HandTarget
 
 Array = NDArray[np.float64]
 
 STEP_S = 0.001
 """Step of Bullet and of the ball."""
+STEP_NS = 1_000_000
+
+HOME_POSTURE: Array = np.array([0.0, 0.5, -1.2, 0.0, -0.5, 1.2, 0.0])
+"""Joint angles in rad with the paddle before the middle of the table's end, clear of everything."""
+HOME_POSTURE.setflags(write=False)
 
 _FARTHEST_HIT_X_M = BASE_POSITION[0] + 1.6
 """No blade reaches a ball beyond: shoulder, stretched arm and paddle end 0.2 m before."""
@@ -50,13 +56,20 @@ class RallyConfig:
 
     Attributes
     ----------
+    scene
+        Table, net, ball and air.
+    mass_scale, friction_scale
+        How the arm differs from the robot's model of itself; see `BulletArm`.
+    driver, guidance
+        Gains of the joints' driver and of the teaching hand.
     shortest_s, longest_s
         A rally is over when the referee has decided and `shortest_s` have passed since the launch, or after
         `longest_s` undecided.
     """
 
     scene: Scene = field(default_factory=Scene)
-    arm: ArmConfig = field(default_factory=ArmConfig)
+    mass_scale: float = 1.0
+    friction_scale: float = 1.0
     driver: DriverGains = field(default_factory=DriverGains)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     shortest_s: float = 1.95
@@ -93,7 +106,7 @@ class Rally:
             fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
         )
         self._scene = BulletScene(self._client, self.config.scene, visible=gui)
-        self._arm = BulletArm(self._client, self.config.arm)
+        self._arm = BulletArm(self._client, self.config.mass_scale, self.config.friction_scale)
         self._constants = self.config.scene.constants()
         self._driver = JointDriver(STEP_S, self.config.driver)
         self._guidance = HandGuidance(self.config.guidance, STEP_S)
@@ -107,11 +120,11 @@ class Rally:
         self._referee = new_referees(1)
         self._ball_steps = 0
         self._ball_in_play = False
-        self._balls_launched = 0
+        self._ball_id = 0
         self._outcome: Outcome | None = None
         self._paddle_before: Array = np.empty(PADDLE_SIZE)
         self._paddle_after: Array = np.empty(PADDLE_SIZE)
-        self.reset(np.zeros(JOINT_COUNT))
+        self.reset(HOME_POSTURE)
 
     def __enter__(self) -> Self:
         return self
@@ -128,9 +141,19 @@ class Rally:
     # -- the robot ---------------------------------------------------------------------------------------
 
     @property
+    def scene(self) -> Scene:
+        """Table, net, ball and air."""
+        return self.config.scene
+
+    @property
     def time(self) -> float:
         """Seconds since the start."""
         return self._steps * STEP_S
+
+    @property
+    def time_ns(self) -> int:
+        """Nanoseconds since the start."""
+        return self._steps * STEP_NS
 
     @property
     def joint_position(self) -> Array:
@@ -164,6 +187,16 @@ class Rally:
         """Pose of the paddle."""
         position, rotation = paddle_pose(self._arm.position)
         return PaddlePose(position, quaternion_from_rotation(rotation), rotation)
+
+    def audit(self) -> dict[str, float]:
+        """How near the joints came to their limits so far, and how often over them; see `LimitLog`."""
+        return {
+            "speed_limit_share": float(self.limits.speed_fraction.max()),
+            "torque_limit_share": float(self.limits.torque_fraction.max()),
+            "speed_exceeded": self.limits.speed_exceeded,
+            "position_exceeded": self.limits.position_exceeded,
+            "torque_exceeded": self.limits.torque_exceeded,
+        }
 
     def reset(self, joint_position: Array) -> None:
         """Put the arm at rest at `joint_position` (7,) in rad; a ball in play is taken away undecided.
@@ -225,55 +258,22 @@ class Rally:
         if not self._resting:
             self._driver.hold_at(self._arm.position, None if teaching else self._arm.velocity)
 
-    def lead_hand(
-        self,
-        position: Array,
-        quaternion: Array,
-        velocity: Array | None = None,
-        angular_velocity: Array | None = None,
-    ) -> None:
-        """Take the paddle by the hand and lead it to a pose, now; call again to lead it on.
-
-        Between calls the hand goes on with the given velocities; see `GuidanceConfig.hand_timeout_s`.
-
-        Parameters
-        ----------
-        position
-            Of the blade's centre, shape (3,), m.
-        quaternion
-            x, y, z, w of `right_l6`.
-        velocity, angular_velocity
-            Of that pose, shape (3,), m/s and rad/s, in `world`; None is zero.
+    def lead_hand(self, target: HandTarget) -> None:
+        """Take the paddle by the hand and lead it, from now on.
 
         Raises
         ------
         UserError
-            If the arm is not in teach mode, or a number is not finite.
+            If the arm is not in teach mode.
         """
-        self._must_teach()
-        zero = np.zeros(3)
-        self._guidance.lead(
-            self.time,
-            position,
-            quaternion,
-            zero if velocity is None else velocity,
-            zero if angular_velocity is None else angular_velocity,
-        )
-        self._resting = False
-
-    def lead_gesture(self, gesture: HandGesture) -> None:
-        """Lead the paddle through a gesture that starts now; afterwards the hand keeps its last pose."""
-        self._must_teach()
-        self._guidance.lead_gesture(self.time, gesture)
+        if not self._teaching:
+            raise UserError("the arm is not in teach mode; switch it on before leading the hand")
+        self._guidance.lead(self.time, target)
         self._resting = False
 
     def release_hand(self) -> None:
         """Let go of the paddle; the arm comes to rest and holds still."""
         self._guidance.release()
-
-    def _must_teach(self) -> None:
-        if not self._teaching:
-            raise UserError("the arm is not in teach mode; switch it on before leading the hand")
 
     # -- the ball ----------------------------------------------------------------------------------------
 
@@ -293,17 +293,17 @@ class Rally:
         return self._ball_steps * STEP_S
 
     @property
-    def balls_launched(self) -> int:
-        """How many balls there were; the last one's id is one less."""
-        return self._balls_launched
+    def rally_over(self) -> bool:
+        """Whether the last launched ball has an outcome."""
+        return self._outcome is not None
 
     @property
     def outcome(self) -> Outcome | None:
         """What became of the ball launched last; None until its rally is over."""
         return self._outcome
 
-    def launch(self, feed: Feed) -> int:
-        """Launch a ball now, in place of the one before, and return its id.
+    def launch(self, feed: Feed, ball_id: int = 0) -> None:
+        """Launch a ball now, in place of the one before.
 
         Raises
         ------
@@ -315,21 +315,34 @@ class Rally:
             raise UserError("feed holds a number that is not finite; give position, velocity and spin in SI")
         self._ball[:] = state
         self._referee = new_referees(1)
+        self._ball_id = ball_id
         self._ball_steps = 0
         self._ball_in_play = True
         self._outcome = None
-        self._balls_launched += 1
-        return self._balls_launched - 1
+
+    def abort(self) -> Outcome:
+        """End the rally under way as it stands."""
+        self._ball_in_play = False
+        self._outcome = outcome_of(self._referee, self._ball_id)
+        return self._outcome
+
+    def clear_ball(self) -> None:
+        """Take the ball and its outcome away."""
+        self._ball_in_play = False
+        self._outcome = None
 
     # -- time --------------------------------------------------------------------------------------------
 
-    def advance(self, duration_s: float) -> None:
+    def advance(self, duration_s: float, watch: Callable[[float, Array], None] | None = None) -> None:
         """Let time pass.
 
         Parameters
         ----------
         duration_s
             Whole milliseconds, in seconds.
+        watch
+            Called after every millisecond in which a ball flew, with the seconds since its launch and its
+            state (9,): how a camera gets to see it.
 
         Raises
         ------
@@ -340,7 +353,10 @@ class Rally:
         if steps < 0 or abs(steps * STEP_S - duration_s) > 1e-9:
             raise ValueError(f"cannot advance by {duration_s} s: time goes in steps of {STEP_S} s")
         for _ in range(steps):
+            in_play = self._ball_in_play
             self._step()
+            if in_play and watch is not None:
+                watch(self.ball_time, self._ball)
         self._scene.show_ball(self._ball)
 
     def play_out(self) -> Outcome:
@@ -406,5 +422,4 @@ class Rally:
         decided = self._referee["verdict"][0] != IN_PLAY
         passed = self._ball_steps * STEP_S
         if (decided and passed >= self.config.shortest_s) or passed >= self.config.longest_s:
-            self._outcome = outcome_of(self._referee, self._balls_launched - 1)
-            self._ball_in_play = False
+            self.abort()

@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.facts.labels import Side, StrategyLabel
-from msrd_ros.facts.outcome import Outcome
+from msrd_ros.facts.outcome import MissReason, Outcome
 from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.table_tennis.camera import Camera, CameraConfig
 from msrd_ros.table_tennis.feeder import Feed, Feeder
-from msrd_ros.table_tennis.rally import HOME_POSTURE, Rally, RallyConfig
-from msrd_ros.table_tennis.teaching import HandTarget
+from msrd_ros.table_tennis.rally import Rally, RallyConfig
+from msrd_ros.table_tennis.teaching import HandGesture
 
 EPOCH_NS = NANOSECONDS
 """Simulated time starts at one second: zero means "no time yet" in ROS."""
+
+HOME_POSTURE_RAD = np.array([0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161])
+"""Sawyer's published neutral posture."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +98,12 @@ class World:
         self._camera = Camera(config.camera, np.random.default_rng(config.seed))
         self._launch_ns = 0
         self._sample = Sample(EPOCH_NS, self._waiting_ball)
-        self.rally.reset(HOME_POSTURE)
+        self.rally.reset(HOME_POSTURE_RAD)
 
     @property
     def time_ns(self) -> int:
         """Simulated time in whole nanoseconds."""
-        return EPOCH_NS + self.rally.time_ns
+        return EPOCH_NS + round(self.rally.time * 1000.0) * (NANOSECONDS // 1000)
 
     @property
     def feeds_waiting(self) -> int:
@@ -152,9 +155,14 @@ class World:
         self._served = label
         self.rally.command(position, velocity, period_s)
 
-    def lead_hand(self, target: HandTarget) -> None:
-        """Say where the teacher's hand leads the paddle."""
-        self.rally.lead_hand(target)
+    def lead_hand(self, gesture: HandGesture) -> None:
+        """Say where the teacher's hand leads the paddle: a gesture that starts now, or one streamed point."""
+        if len(gesture.times_s) > 1:
+            self.rally.lead_gesture(gesture)
+            return
+        self.rally.lead_hand(
+            gesture.positions[0], gesture.quaternions[0], gesture.velocities[0], gesture.angular_velocities[0]
+        )
 
     def set_teaching(self, teaching: bool) -> None:
         """Switch between zero-g, led by the hand, and following commands."""
@@ -165,16 +173,16 @@ class World:
     def reset(self) -> None:
         """Bring the arm home at once; a ball in play is called off."""
         if self.rally.ball_in_play:
-            self._finish(self.rally.abort())
+            self._finish(Outcome(self.rally.balls_launched - 1, False, MissReason.UNDECIDED))
         self._feeds.clear()
-        self.rally.reset(HOME_POSTURE)
+        self.rally.reset(HOME_POSTURE_RAD)
 
     def advance(self, period_s: float) -> None:
         """Let time pass; a ball's outcome appears in `results` once its rally is over."""
         self._launch_if_ready()
+        in_play = self.rally.ball_in_play
         self.rally.advance(period_s, self._watch)
-        if self.rally.rally_over:
-            assert self.rally.outcome is not None
+        if in_play and self.rally.outcome is not None:
             self._finish(self.rally.outcome)
 
     # ------------------------------------------------------------------------------------------
@@ -199,13 +207,12 @@ class World:
         self._launch_ns = self.time_ns
         self._sample = Sample(self.time_ns, self._waiting_ball)
         self._camera.offer(0.0, self._waiting_ball)
-        self.rally.launch(feed, self.balls)
+        self.rally.launch(feed)
 
     def _finish(self, outcome: Outcome) -> None:
         self.results.append(Result(self._label, outcome))
         self._label = None
-        self.rally.clear_ball()
 
-    def _watch(self, ball: NDArray[np.float64]) -> None:
+    def _watch(self, since_launch_s: float, ball: NDArray[np.float64]) -> None:
         """Show the camera where the ball is, once per simulation step."""
-        self._camera.offer((self.time_ns - self._launch_ns) / NANOSECONDS, ball[:3])
+        self._camera.offer(since_launch_s, ball[:3])
