@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
-from msrd_ros.table_tennis.dynamics import inverse_dynamics, mass_matrix
+from msrd_ros.table_tennis.dynamics import JOINT_FRICTION_NM_S, inverse_dynamics, mass_matrix
 from msrd_ros.table_tennis.kinematics import paddle_jacobian, paddle_pose
 from msrd_ros.table_tennis.rotations import rotation_from_quaternion, turn_between, turned
 
@@ -32,7 +32,8 @@ class GuidanceConfig:
     stiffness_n_m, damping_n_s_m, force_limit_n
         Of the grip in translation.
     turn_stiffness_nm, turn_damping_nm_s, torque_limit_nm
-        Of the grip in rotation, per rad and rad/s.
+        Of the grip in rotation, per rad and rad/s. With a damping of 1.2 the light last joint chatters at
+        the step rate (its inertia about the handle is 1.1e-3 kg m^2, and 1.2 * 1 ms is more than that).
     joint_damping_nm_s
         Of each joint. The same damping for all joints would make the light wrist unstable.
     brake_from
@@ -49,7 +50,7 @@ class GuidanceConfig:
     damping_n_s_m: float = 60.0
     force_limit_n: float = 150.0
     turn_stiffness_nm: float = 40.0
-    turn_damping_nm_s: float = 1.2
+    turn_damping_nm_s: float = 0.5
     torque_limit_nm: float = 12.0
     joint_damping_nm_s: tuple[float, ...] = (4.0, 4.0, 2.0, 2.0, 0.3, 0.3, 0.1)
     brake_from: float = 0.9
@@ -59,13 +60,17 @@ class GuidanceConfig:
 
 
 @dataclass(frozen=True)
-class HandGesture:
-    """Where the hand leads the paddle, in time.
+class HandTarget:
+    """Where the hand leads the paddle: a whole gesture in time, or one streamed point.
+
+    A gesture is followed from its first point to its last, which the hand then keeps. From one point the
+    hand goes on with the point's velocities until the next, or until it has not been heard of for
+    `GuidanceConfig.hand_timeout_s`.
 
     Attributes
     ----------
     times_s
-        From the start of the gesture, increasing, shape (N,).
+        From when the target is given, increasing, shape (N,).
     positions
         Of the blade's centre, shape (N, 3), m.
     quaternions
@@ -84,15 +89,27 @@ class HandGesture:
         count = len(self.times_s)
         shapes = {"positions": 3, "quaternions": 4, "velocities": 3, "angular_velocities": 3}
         if count < 1 or np.any(np.diff(self.times_s) <= 0.0) or not np.isfinite(self.times_s).all():
-            raise UserError("hand gesture: its times must be finite and increase from point to point")
+            raise UserError("hand target: its times must be finite and increase from point to point")
         for name, width in shapes.items():
             values = getattr(self, name)
             if values.shape != (count, width):
-                raise UserError(f"hand gesture: {name} has shape {values.shape}; give ({count}, {width})")
+                raise UserError(f"hand target: {name} has shape {values.shape}; give ({count}, {width})")
             if not np.isfinite(values).all():
-                raise UserError(f"hand gesture: {name} holds a number that is not finite")
+                raise UserError(f"hand target: {name} holds a number that is not finite")
         if np.any(np.linalg.norm(self.quaternions, axis=1) < 1e-6):
-            raise UserError("hand gesture: quaternions holds a zero; give unit quaternions x, y, z, w")
+            raise UserError("hand target: quaternions holds a zero; give unit quaternions x, y, z, w")
+
+    @classmethod
+    def now(
+        cls,
+        position: ArrayLike,
+        quaternion: ArrayLike,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> HandTarget:
+        """One streamed point: pose and velocities, shapes (3,), (4,), (3,) and (3,), that hold now."""
+        parts = (position, quaternion, velocity, angular_velocity)
+        return cls(np.zeros(1), *(np.array([part], dtype=np.float64) for part in parts))
 
 
 @njit(cache=True, nogil=True)
@@ -186,6 +203,7 @@ def float_torques(
         Seconds.
     """
     carry = inverse_dynamics(joint_position, joint_velocity, np.zeros(JOINT_COUNT))
+    carry += JOINT_FRICTION_NM_S * joint_velocity
     inertia = mass_matrix(joint_position)
     motor = carry - damping * joint_velocity - stop_rate * (inertia @ joint_velocity)
     motor = np.minimum(np.maximum(motor, -TORQUE_LIMIT_NM), TORQUE_LIMIT_NM)
@@ -228,7 +246,6 @@ class HandGuidance:
         self._damping = np.array(config.joint_damping_nm_s)
         self.leading = False
         self._start_s = 0.0
-        self._streamed = False
         self._times: Array = np.zeros(1)
         self._positions: Array = np.zeros((1, 3))
         self._rotations: Array = np.zeros((1, 3, 3))
@@ -238,42 +255,22 @@ class HandGuidance:
         """Let go."""
         self.leading = False
 
-    def lead(
-        self,
-        time_s: float,
-        position: ArrayLike,
-        quaternion: ArrayLike,
-        velocity: ArrayLike,
-        angular_velocity: ArrayLike,
-    ) -> None:
-        """Lead the paddle to a pose at `time_s`, going on with the given velocities."""
-        gesture = HandGesture(
-            np.zeros(1),
-            *(np.array([part], dtype=np.float64) for part in (position, quaternion)),
-            *(np.array([part], dtype=np.float64) for part in (velocity, angular_velocity)),
-        )
-        self._take(time_s, gesture)
-        self._streamed = True
-
-    def lead_gesture(self, time_s: float, gesture: HandGesture) -> None:
-        """Lead the paddle through a gesture that starts at `time_s`."""
-        self._take(time_s, gesture)
-        self._streamed = False
-
-    def _take(self, time_s: float, gesture: HandGesture) -> None:
+    def lead(self, time_s: float, target: HandTarget) -> None:
+        """Lead the paddle to or through `target`, whose times count from `time_s`."""
         self._start_s = time_s
-        self._times = np.ascontiguousarray(gesture.times_s, dtype=np.float64)
-        self._positions = np.ascontiguousarray(gesture.positions, dtype=np.float64)
-        self._rotations = np.array([rotation_from_quaternion(one) for one in gesture.quaternions])
-        self._twists = np.concatenate([gesture.velocities, gesture.angular_velocities], axis=1)
+        self._times = np.ascontiguousarray(target.times_s, dtype=np.float64)
+        self._positions = np.ascontiguousarray(target.positions, dtype=np.float64)
+        self._rotations = np.array([rotation_from_quaternion(one) for one in target.quaternions])
+        self._twists = np.concatenate([target.velocities, target.angular_velocities], axis=1)
         self.leading = True
 
     def target(self, time_s: float) -> tuple[Array, Array, Array]:
         """Position (3,), rotation (3, 3) and twist (6,) of the hand."""
         elapsed = time_s - self._start_s
-        if not self._streamed:
+        if len(self._times) > 1:
             return _interpolate(self._times, self._positions, self._rotations, self._twists, elapsed)
         twist = self._twists[0]
+        elapsed -= float(self._times[0])
         return (
             self._positions[0] + elapsed * twist[:3],
             turned(self._rotations[0], elapsed * twist[3:]),
@@ -282,8 +279,8 @@ class HandGuidance:
 
     def torque(self, time_s: float, position: Array, velocity: Array, motor: Array, total: Array) -> None:
         """Write the motors' torques and their sum with the hand's, shape (7,) each, for the coming step."""
-        if self.leading and self._streamed and time_s - self._start_s > self._config.hand_timeout_s:
-            self.leading = False
+        if self.leading and len(self._times) == 1:
+            self.leading = time_s - self._start_s - self._times[0] <= self._config.hand_timeout_s
         if self.leading:
             outside = hand_torques(position, velocity, *self.target(time_s), self._grip)
         else:
