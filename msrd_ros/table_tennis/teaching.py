@@ -33,7 +33,7 @@ class GuidanceConfig:
         Of the grip in translation.
     turn_stiffness_nm, turn_damping_nm_s, torque_limit_nm
         Of the grip in rotation, per rad and rad/s. With a damping of 1.2 the light last joint chatters at
-        the step rate (its inertia about the handle is 1.1e-3 kg m^2, and 1.2 * 1 ms is more than that).
+        the step rate: its inertia about the handle is 6e-4 kg m^2, half of 1.2 Nm s times 1 ms.
     joint_damping_nm_s
         Of each joint. The same damping for all joints would make the light wrist unstable.
     brake_from
