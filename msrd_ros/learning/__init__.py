@@ -1,1 +1,1 @@
-"""Learning: rewards, policies, TRPO, MSRD and its baselines. Knows nothing of ROS or Bullet."""
+"""The learning wing: rewards, policies, TRPO, MSRD, AIRL. Knows neither ROS nor Bullet nor table tennis."""

@@ -1,0 +1,102 @@
+"""How long one MSRD sweep takes, and what stepping all strategies in one tensor saves.
+
+Run from the repository: ``python benchmarks/learning_core.py [--strategies 20] [--sweeps 10] [--threads 1]``.
+"Batched" is one trainer for all strategies; "looped" is the same work done strategy by strategy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import pstats
+import time
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from msrd_ros.learning.layout import Layout
+from msrd_ros.learning.msrd import MSRD
+from msrd_ros.learning.presets import inverted_pendulum
+from msrd_ros.learning.rollouts import BatchedCollector
+from msrd_ros.learning.trajectories import Demonstrations
+
+PARTS = {
+    "rollouts": ("rollouts.py", "collect"),
+    "discriminator": ("reward_training.py", "train"),
+    "TRPO step": ("trpo.py", "trust_region_step"),
+    "value fit": ("value.py", "fit"),
+}
+
+
+class Drift:
+    """A linear system with four columns: the cheapest environment, so that learning is what is timed."""
+
+    observation_names = ("a", "b", "c", "d")
+    action_names = ("u",)
+    horizon = acting_steps = 250
+
+    def reset(self, strategies: int, episodes: int, rng: np.random.Generator) -> np.ndarray:
+        self._state = rng.normal(scale=0.1, size=(strategies, episodes, 4))
+        return self._state
+
+    def step(self, action: np.ndarray) -> np.ndarray:
+        self._state = 0.99 * self._state
+        self._state[..., 3] += 0.04 * np.clip(action[..., 0], -3.0, 3.0)
+        return self._state
+
+
+def demonstrations(strategies: int) -> Demonstrations:
+    """Random but bounded trajectories: their content does not matter for timing."""
+    rng = np.random.default_rng(0)
+    layout = Layout(Drift.observation_names, Drift.action_names, tuple(map(str, range(strategies))), 0.04)
+    observations = rng.normal(scale=0.1, size=(strategies, 20, 251, 4))
+    return Demonstrations(observations, rng.normal(size=(strategies, 20, 250, 1)), layout)
+
+
+def measure(trainers: list[MSRD], sweeps: int) -> dict[str, float]:
+    """Seconds per sweep of all trainers together, in whole and by part."""
+    for trainer in trainers:
+        trainer.sweep()
+    start = time.perf_counter()
+    for trainer in trainers:
+        for _ in range(sweeps):
+            trainer.sweep()
+    seconds = {"sweep": (time.perf_counter() - start) / sweeps}
+    profile = cProfile.Profile()
+    profile.enable()
+    for trainer in trainers:
+        trainer.sweep()
+    profile.disable()
+    rows = pstats.Stats(profile).stats  # type: ignore[attr-defined]
+    for part, (file, function) in PARTS.items():
+        seconds[part] = sum(
+            row[3] for (path, _, name), row in rows.items() if path.endswith(file) and name == function
+        )
+    return seconds
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--strategies", type=int, default=20)
+    parser.add_argument("--sweeps", type=int, default=10)
+    parser.add_argument("--threads", type=int, default=1)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    config = replace(inverted_pendulum(), sweeps=options.sweeps + 2)
+    collector = BatchedCollector(Drift())
+    batched = measure([MSRD(config, demonstrations(options.strategies), collector, 0)], options.sweeps)
+    alone = [MSRD(config, demonstrations(1), BatchedCollector(Drift()), i) for i in range(options.strategies)]
+    looped = measure(alone, options.sweeps)
+    steps = options.strategies * config.episodes * Drift.horizon
+    print(f"{options.strategies} strategies, {steps} steps a sweep, {options.threads} thread(s)")
+    print(f"{'milliseconds':<16}{'batched':>10}{'looped':>10}{'ratio':>8}")
+    for part in batched:
+        ratio = looped[part] / batched[part]
+        print(f"{part:<16}{1e3 * batched[part]:>10.1f}{1e3 * looped[part]:>10.1f}{ratio:>8.1f}")
+    print(f"{steps / batched['sweep']:.0f} environment steps a second, learning included")
+
+
+if __name__ == "__main__":
+    main()

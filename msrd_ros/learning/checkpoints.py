@@ -1,0 +1,169 @@
+"""Checkpoints of training: written atomically, resumed exactly, never unpickled.
+
+A checkpoint is a policy file (see `policy`) with the trainer's own tensors beside the policies'.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from msrd_ros.facts.errors import UserError
+from msrd_ros.learning.layout import Layout
+from msrd_ros.learning.msrd import MSRD
+from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.policy import PREFIX, PolicySet, make_header, read_header
+
+TRAINER_PREFIX = "trainer/"
+
+
+def export_policies(
+    policies: GaussianPolicies, layout: Layout, details: dict[str, Any] | None = None
+) -> PolicySet:
+    """The policies as the executor plays them."""
+    layers = enumerate(zip(policies.network.weights, policies.network.biases, strict=True))
+    tensors: dict[str, np.ndarray] = {}
+    for layer, (weight, bias) in layers:
+        tensors[f"weight/{layer}"] = weight.detach().numpy().copy()
+        tensors[f"bias/{layer}"] = bias.detach().numpy().copy()
+    tensors["log_std"] = policies.log_std.detach().numpy().copy()
+    for name in ("indices", "offset", "scale"):
+        tensors[name] = getattr(policies.features, name).numpy().copy()
+    return PolicySet(layout, tensors, details or {})
+
+
+def save_checkpoint(path: Path, trainer: MSRD, metrics: dict[str, float] | None = None) -> None:
+    """Write `trainer` to `path`, whole or not at all.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    if not isinstance(trainer.policies, GaussianPolicies):
+        raise TypeError("only trainers of Gaussian policies have checkpoints")
+    tensors: dict[str, torch.Tensor] = {}
+    tree = _detach_tensors(trainer.state_dict(), tensors)
+    details = {
+        "config": trainer.config.to_dict(),
+        "metrics": metrics or {},
+        "versions": {"torch": version("torch"), "numpy": version("numpy")},
+        "trainer": tree,
+    }
+    policies = export_policies(trainer.policies, trainer.layout)
+    everything = {TRAINER_PREFIX + name: value for name, value in tensors.items()}
+    everything |= {PREFIX + name: torch.as_tensor(value) for name, value in policies.tensors.items()}
+    data = save_tensors(everything, metadata=make_header(trainer.layout, policies.digest, details))
+    write_atomically(Path(path), data)
+
+
+def load_checkpoint(path: Path, trainer: MSRD) -> None:
+    """Take up training where `path` left it.
+
+    Parameters
+    ----------
+    trainer
+        Built with the same configuration and the same demonstrations.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged, or made for another layout or configuration.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot read the checkpoint: {error.strerror}") from None
+    header = read_header(data, str(path))
+    try:
+        layout, details = Layout.from_dict(header["layout"]), header["details"]
+        layout.require(trainer.layout, str(path))
+        tree, config = details["trainer"], details["config"]
+        everything = load_tensors(data)
+    except (KeyError, TypeError, SafetensorError) as error:
+        raise UserError(f"{path}: not a training checkpoint ({error}); start anew or use another") from None
+    if layout.labels != trainer.layout.labels:
+        raise UserError(
+            f"{path}: trained on strategies {', '.join(layout.labels)}, not on "
+            f"{', '.join(trainer.layout.labels)}; start anew"
+        )
+    different = _differences(config, json.loads(json.dumps(trainer.config.to_dict())))
+    if different:
+        raise UserError(
+            f"{path}: trained with other settings: {'; '.join(different)}; start anew or use those"
+        )
+    start = len(TRAINER_PREFIX)
+    own = {name[start:]: value for name, value in everything.items() if name.startswith(TRAINER_PREFIX)}
+    try:
+        trainer.load_state_dict(_attach_tensors(tree, own))
+    except (KeyError, RuntimeError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"{path}: damaged checkpoint ({reason}); start anew or use another") from None
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write aside, sync, rename: readers see the old file or the new one, never half of one.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise UserError(f"{path}: cannot write: {error.strerror}; choose a writable place") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(aside, 0o644)
+        os.replace(aside, path)
+    except OSError as error:
+        Path(aside).unlink(missing_ok=True)
+        raise UserError(f"{path}: cannot write: {error.strerror}; choose a writable place") from None
+
+
+def _detach_tensors(node: Any, tensors: dict[str, torch.Tensor]) -> Any:
+    """Move tensors out of a nested state into `tensors`, leaving JSON."""
+    if isinstance(node, torch.Tensor):
+        name = str(len(tensors))
+        tensors[name] = node.detach().contiguous().clone()
+        return {"tensor": name}
+    if isinstance(node, dict):
+        return {"items": [[key, _detach_tensors(value, tensors)] for key, value in node.items()]}
+    if isinstance(node, list | tuple):
+        return {"list": [_detach_tensors(value, tensors) for value in node]}
+    return {"value": node}
+
+
+def _attach_tensors(node: dict[str, Any], tensors: dict[str, torch.Tensor]) -> Any:
+    """Inverse of `_detach_tensors` (tuples come back as lists)."""
+    if "tensor" in node:
+        return tensors[node["tensor"]]
+    if "items" in node:
+        return {key: _attach_tensors(value, tensors) for key, value in node["items"]}
+    if "list" in node:
+        return [_attach_tensors(value, tensors) for value in node["list"]]
+    return node["value"]
+
+
+def _differences(found: Any, wanted: Any, name: str = "") -> list[str]:
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        parts = []
+        for key in sorted(set(found) | set(wanted)):
+            parts += _differences(found.get(key), wanted.get(key), f"{name}.{key}" if name else key)
+        return parts
+    return [] if found == wanted else [f"{name} {found} instead of {wanted}"]

@@ -1,0 +1,104 @@
+"""Behaviour cloning: policies that start near the demonstrations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.replay import DemonstrationPool
+
+
+@dataclass(frozen=True)
+class CloningConfig:
+    """Settings of the warm start.
+
+    Attributes
+    ----------
+    steps, learning_rate, batch
+        Adam steps, each on `batch` transitions of every strategy; the rate falls linearly to a tenth.
+        0 steps leaves the policies at random.
+    state_noise
+        (observation name, standard deviation) pairs: Gaussian offsets injected into the states, in the
+        column's own unit.
+    corrections
+        (observation name, action name, gain) triples: an injected offset lowers that action's label by
+        ``gain * offset``, so that the policy learns to come back.
+    snapshots
+        Steps after which a copy of the policies is played to give the discriminator bad examples.
+    snapshot_episodes
+        Episodes played by each snapshot and strategy.
+    """
+
+    steps: int = 1500
+    learning_rate: float = 3e-3
+    batch: int = 256
+    state_noise: tuple[tuple[str, float], ...] = ()
+    corrections: tuple[tuple[str, str, float], ...] = ()
+    snapshots: tuple[int, ...] = ()
+    snapshot_episodes: int = 2
+
+
+def clone(
+    policies: GaussianPolicies,
+    demonstrations: DemonstrationPool,
+    observation_names: tuple[str, ...],
+    action_names: tuple[str, ...],
+    config: CloningConfig,
+    generator: torch.Generator,
+    on_snapshot: Callable[[], None] | None = None,
+) -> Tensor:
+    """Fit the policies' means to the demonstrated actions by least squares.
+
+    The standard deviations stay as they are: they are for exploration, not for the spread of the data.
+
+    Parameters
+    ----------
+    on_snapshot
+        Called after each of ``config.snapshots`` steps (0: before the first).
+
+    Returns
+    -------
+    Tensor
+        ``[S]`` mean squared error of the last batch.
+    """
+    noise, correction = perturbation(config, observation_names, action_names)
+    chosen = demonstrations.choose(None, generator)
+    parameters = list(policies.network.parameters())
+    optimiser = torch.optim.Adam(parameters, lr=config.learning_rate, foreach=True)
+    error = torch.zeros(policies.strategies)
+    for step in range(config.steps + 1):
+        if step in config.snapshots and on_snapshot is not None:
+            on_snapshot()
+        if step == config.steps:
+            break
+        optimiser.param_groups[0]["lr"] = config.learning_rate * (1.0 - 0.9 * step / config.steps)
+        batch = demonstrations.sample(chosen, config.batch, generator)
+        observation, label = batch.observation, batch.action
+        if config.state_noise:
+            offset = noise * torch.randn(observation.shape, generator=generator)
+            observation, label = observation + offset, label - offset @ correction
+        acting = (1.0 - batch.passive).unsqueeze(-1)
+        residual = (policies.distribution(observation).mean - label).square() * acting
+        loss = residual.sum(dim=-1).mean(dim=1)
+        optimiser.zero_grad()
+        loss.sum().backward()
+        optimiser.step()
+        error = loss.detach()
+    return error
+
+
+def perturbation(
+    config: CloningConfig, observation_names: tuple[str, ...], action_names: tuple[str, ...]
+) -> tuple[Tensor, Tensor]:
+    """Standard deviations ``[O]`` of injected offsets, and the gain matrix ``[O, A]`` of the labels."""
+    noise = torch.zeros(len(observation_names))
+    correction = torch.zeros(len(observation_names), len(action_names))
+    for name, deviation in config.state_noise:
+        noise[observation_names.index(name)] = deviation
+    for observation, action, gain in config.corrections:
+        correction[observation_names.index(observation), action_names.index(action)] = gain
+    return noise, correction

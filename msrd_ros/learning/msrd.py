@@ -1,0 +1,288 @@
+"""Multi-Strategy Reward Distillation: Algorithm 1 of the paper, top to bottom.
+
+The paper's loop over strategies (line 5) is a tensor axis here: each line below does its work for all
+strategies at once. With `TaskUpdate.SEQUENTIAL` the shared R0 still takes one step per strategy.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from msrd_ros.learning.advantages import credit_passive_rewards, generalised_advantages
+from msrd_ros.learning.cloning import clone
+from msrd_ros.learning.config import MSRDConfig, PolicyReward
+from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.replay import DemonstrationPool, Replay
+from msrd_ros.learning.reward_training import Negatives, RewardTraining
+from msrd_ros.learning.rewards import AveragedRewards, RewardModel
+from msrd_ros.learning.rollouts import Collector
+from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
+from msrd_ros.learning.trpo import trust_region_step
+from msrd_ros.learning.value import ValueFunctions
+
+
+class MSRD:
+    """Infers R0, S_i and pi_i from demonstrations of N strategies.
+
+    Parameters
+    ----------
+    config
+        Settings; `RewardForm` and a few switches make it AIRL or vanilla distillation instead.
+    demonstrations
+        D(1)..D(N) (line 1).
+    collector
+        Where the policies are played.
+    seed
+        Everything random follows from it; the same seed gives the same run bit for bit on one machine.
+    policies
+        Initial policies; None makes Gaussian ones from `config`.
+
+    Attributes
+    ----------
+    policies
+        pi_1..pi_N.
+    rewards
+        R0 and S_1..S_N, the latest iterate.
+    sweeps_done, environment_steps
+        How far training has come.
+    """
+
+    def __init__(
+        self,
+        config: MSRDConfig,
+        demonstrations: Demonstrations,
+        collector: Collector,
+        seed: int,
+        policies: Policies | None = None,
+    ) -> None:
+        self.config = config
+        self.layout = demonstrations.layout
+        self.sweeps_done = 0
+        self.environment_steps = 0
+        self._collector = collector
+        torch_seed, numpy_seed = np.random.SeedSequence(seed).spawn(2)
+        self._generator = torch.Generator().manual_seed(int(torch_seed.generate_state(1, np.uint64)[0] >> 1))
+        self._rng = np.random.default_rng(numpy_seed)
+
+        # Line 1: the demonstrations.  Lines 2 and 3: R0, S_i, pi_i and the weights alpha_i.
+        strategies = demonstrations.strategies
+        self._demonstrations = DemonstrationPool(demonstrations)
+        features = config.policy.features.build(demonstrations)
+        self.rewards = RewardModel(
+            config.reward.form,
+            strategies,
+            config.reward.task_features.build(demonstrations),
+            config.reward.strategy_features.build(demonstrations),
+            len(self.layout.action_names) if config.reward.sees_action else 0,
+            config.reward.hidden,
+            config.reward.alpha,
+            self._generator,
+            config.reward.shaping,
+            config.discount,
+        )
+        self.policies: Policies = policies or GaussianPolicies(
+            strategies,
+            features,
+            len(self.layout.action_names),
+            config.policy.hidden,
+            float(np.log(config.policy.std)),
+            float(np.log(config.policy.std_min)),
+            float(np.log(config.policy.std_max)),
+            self._generator,
+        )
+        self._value = ValueFunctions(strategies, features, config.value, self._generator)
+        self._averaged = AveragedRewards(self.rewards, config.discriminator.average)
+        self._training = RewardTraining(self.rewards, self._averaged, config.discriminator, config.sweeps)
+        widths = (len(self.layout.observation_names), len(self.layout.action_names))
+        capacity = config.replay.keep * config.replay.sweeps if config.replay.replay_share > 0.0 else 0
+        capacity = min(capacity, config.replay.keep * config.sweeps)
+        self._replay = Replay(strategies, capacity, *widths)
+        self._snapshots: Transitions | None = None
+
+    @property
+    def averaged_rewards(self) -> RewardModel:
+        """R0 and S_i averaged over iterations: the ones to report."""
+        return self._averaged.model
+
+    def clone(self) -> dict[str, float]:
+        """Start the policies near the demonstrations (behaviour cloning; not in the paper's algorithm)."""
+        played: list[Transitions] = []
+
+        def play_snapshot() -> None:
+            rollouts = self._collect(self.config.cloning.snapshot_episodes)
+            played.append(self._transitions(rollouts))
+
+        if not isinstance(self.policies, GaussianPolicies):
+            raise TypeError("only Gaussian policies can be cloned")
+        error = clone(
+            self.policies,
+            self._demonstrations,
+            self.layout.observation_names,
+            self.layout.action_names,
+            self.config.cloning,
+            self._generator,
+            play_snapshot,
+        )
+        self._snapshots = Transitions.join(played) if played else None
+        return {"cloning_error": float(error.mean())}
+
+    def sweep(self) -> dict[str, float]:
+        """One pass of lines 5 to 11 over all strategies; returns what happened, by name."""
+        started = time.perf_counter()
+        config = self.config
+
+        # Line 6: collect K trajectories of every policy.
+        rollouts = self._collect(config.episodes)
+        generated = self._transitions(rollouts)
+
+        # Line 7: sample demonstrations of every strategy.
+        count = config.discriminator.demonstrations_per_sweep
+        chosen = self._demonstrations.choose(count, self._generator)
+
+        # Line 8: train S_i and R0 with Equation 7.
+        steps = config.discriminator.steps
+        if self.sweeps_done == 0:
+            steps += config.discriminator.first_steps
+        amount = steps * config.discriminator.batch
+        expert = self._demonstrations.sample(chosen, amount, self._generator)
+        expert = expert.with_log_prob(self._log_prob(expert))
+        negatives = self._negatives(generated, amount)
+        metrics = self._training.train(expert, negatives, steps, self.sweeps_done, self._generator)
+        if config.replay.replay_share > 0.0:
+            self._replay.add(generated, config.replay.keep, self._generator)
+
+        # Line 9: give every generated transition the reward R_i.
+        reward = self._reward(generated).reshape(*rollouts.actions.shape[:2], -1)
+
+        # Line 10: update the policies by TRPO with entropy bonus.
+        metrics |= self._improve_policies(rollouts, reward)
+
+        self.sweeps_done += 1
+        metrics["reward"] = float(reward.mean())
+        metrics["environment_steps"] = float(self.environment_steps)
+        metrics["seconds"] = time.perf_counter() - started
+        return metrics
+
+    @torch.no_grad()
+    def _reward(self, generated: Transitions) -> Tensor:
+        """Line 9: ``[S, N]``."""
+        reward = self.rewards(generated).combined
+        if self.config.policy_reward is PolicyReward.LOGIT:
+            reward = reward - generated.log_prob
+        return reward
+
+    def _improve_policies(self, rollouts: Rollouts, reward: Tensor) -> dict[str, float]:
+        """Line 10: advantages, one trust-region step, and a better baseline for the next sweep."""
+        config = self.config
+        strategies, episodes, acting = rollouts.actions.shape[:3]
+        horizon = rollouts.observations.shape[2] - 1
+        observations = torch.as_tensor(rollouts.observations[:, :, : acting + 1])
+        actions = torch.as_tensor(rollouts.actions).flatten(1, 2)
+        clock = (torch.arange(acting + 1) / horizon).expand(strategies, episodes, acting + 1)
+        reward = credit_passive_rewards(reward, acting, config.discount)
+        states, times = observations[:, :, :acting].flatten(1, 2), clock[:, :, :acting].flatten(1, 2)
+        if self.sweeps_done == 0:
+            nothing = torch.zeros(strategies, episodes, acting + 1)
+            returns = generalised_advantages(reward, nothing, config.discount, 1.0)
+            self._value.fit(states, times, returns.flatten(1, 2))
+        values = self._value(observations.flatten(1, 2), clock.flatten(1, 2))
+        values = values.reshape(strategies, episodes, acting + 1)
+        if not config.value.bootstrap:
+            values[:, :, -1] = 0.0
+        advantages = generalised_advantages(reward, values, config.discount, config.gae_decay)
+        advantages = advantages.flatten(1, 2)
+        deviation = advantages.std(dim=1, keepdim=True) + 1e-8
+        advantages = (advantages - advantages.mean(dim=1, keepdim=True)) / deviation
+        report = trust_region_step(
+            self.policies, states, actions, advantages, config.trust_region, self._generator
+        )
+        returns = generalised_advantages(reward, values, config.discount, 1.0) + values[:, :, :-1]
+        error = self._value.fit(states, times, returns.flatten(1, 2))
+        with torch.no_grad():
+            entropy = self.policies.entropy(self.policies.distribution(states[:, :1]))
+        return {
+            "kl": float(report.kl.mean()),
+            "steps_accepted": float(report.accepted.float().mean()),
+            "entropy": float(entropy.mean()),
+            "value_error": float(error.mean()),
+        }
+
+    def _collect(self, episodes: int) -> Rollouts:
+        rollouts = self._collector.collect(self.policies, episodes, self._rng)
+        self.environment_steps += rollouts.observations[:, :, 1:, 0].size
+        return rollouts
+
+    def _transitions(self, rollouts: Rollouts) -> Transitions:
+        """Rollouts as transitions that carry the log-density the discriminator is to use."""
+        transitions = Transitions.of(
+            torch.as_tensor(rollouts.observations),
+            torch.as_tensor(rollouts.actions),
+            torch.as_tensor(rollouts.log_probs),
+        )
+        return transitions.with_log_prob(self._density(transitions.log_prob, transitions.passive))
+
+    @torch.no_grad()
+    def _log_prob(self, transitions: Transitions) -> Tensor:
+        """The current policies' log-density of ``[S, N]`` transitions, as the discriminator uses it."""
+        if not self.config.discriminator.uses_density:
+            return torch.zeros_like(transitions.passive)
+        distribution = self.policies.distribution(transitions.observation)
+        log_prob = self.policies.log_prob(distribution, transitions.action)
+        return self._density(log_prob, transitions.passive)
+
+    @torch.no_grad()
+    def _density(self, log_prob: Tensor, passive: Tensor) -> Tensor:
+        settings = self.config.discriminator
+        if not settings.uses_density:
+            return torch.zeros_like(log_prob)
+        if settings.centre_density:
+            if not isinstance(self.policies, GaussianPolicies):
+                raise TypeError("centre_density needs Gaussian policies")
+            log_std = self.policies.log_std
+            entropy = (log_std + 0.5 * float(np.log(2.0 * np.pi * np.e))).sum(dim=-1)
+            log_prob = log_prob + entropy
+        return log_prob.clamp(*settings.density_bounds) * (1.0 - passive)
+
+    def _negatives(self, generated: Transitions, amount: int) -> Negatives:
+        """Transitions to tell the demonstrations from: latest, replayed, and of the cloning snapshots."""
+        return Negatives.draw(
+            generated, self._replay, self._snapshots, self.config.replay, amount, self._generator
+        )
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything needed to go on exactly: weights, optimisers, replay, random generators."""
+        return {
+            "policies": self.policies.state_dict(),
+            "rewards": self.rewards.state_dict(),
+            "averaged": {"weights": self._averaged.model.state_dict(), "updates": self._averaged.updates},
+            "training": self._training.state_dict(),
+            "value": self._value.state_dict(),
+            "replay": self._replay.state_dict(),
+            "snapshots": None if self._snapshots is None else self._snapshots.packed,
+            "torch_generator": self._generator.get_state(),
+            "numpy_generator": self._rng.bit_generator.state,
+            "sweeps_done": self.sweeps_done,
+            "environment_steps": self.environment_steps,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Take up a state of `state_dict`, of a trainer with the same configuration and data."""
+        self.policies.load_state_dict(state["policies"])
+        self.rewards.load_state_dict(state["rewards"])
+        self._averaged.model.load_state_dict(state["averaged"]["weights"])
+        self._averaged.updates = int(state["averaged"]["updates"])
+        self._training.load_state_dict(state["training"])
+        self._value.load_state_dict(state["value"])
+        self._replay.load_state_dict(state["replay"])
+        snapshots = state["snapshots"]
+        widths = (len(self.layout.observation_names), len(self.layout.action_names))
+        self._snapshots = None if snapshots is None else Transitions(snapshots, *widths)
+        self._generator.set_state(state["torch_generator"])
+        self._rng.bit_generator.state = state["numpy_generator"]
+        self.sweeps_done = int(state["sweeps_done"])
+        self.environment_steps = int(state["environment_steps"])

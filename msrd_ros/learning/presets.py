@@ -1,0 +1,94 @@
+"""Named configurations: the paper's loss, and the recipes that our studies use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from msrd_ros.learning.cloning import CloningConfig
+from msrd_ros.learning.config import (
+    DiscriminatorConfig,
+    FeatureConfig,
+    MSRDConfig,
+    PolicyConfig,
+    PolicyReward,
+    ReplayConfig,
+    RewardConfig,
+)
+from msrd_ros.learning.trpo import TrustRegionConfig
+from msrd_ros.learning.value import ValueConfig
+
+
+def inverted_pendulum() -> MSRDConfig:
+    """Inverted pendulum: cloned start, small trust region, replay, cross-negatives, gradient penalty."""
+    features = FeatureConfig(scales=(0.5, 0.3, 1.0, 2.0))
+    return MSRDConfig(
+        sweeps=250,
+        episodes=4,
+        policy_reward=PolicyReward.LOGIT,
+        reward=RewardConfig(task_features=features, strategy_features=features),
+        discriminator=DiscriminatorConfig(
+            learning_rate=4e-3,
+            penalty_weight=0.01,
+            penalise_all=True,
+            cross_weight=0.3,
+            gradient_penalty=0.01,
+        ),
+        replay=ReplayConfig(replay_share=0.25, snapshot_share=0.25),
+        policy=PolicyConfig(features=features),
+        trust_region=TrustRegionConfig(kl=0.01),
+        value=ValueConfig(hidden=(32, 32), sees_time=False, bootstrap=True),
+        cloning=CloningConfig(steps=1500, snapshots=(0, 20, 40, 80, 160, 320)),
+    )
+
+
+def table_tennis(
+    ball_names: tuple[str, ...], joint_names: tuple[str, ...], action_names: tuple[str, ...]
+) -> MSRDConfig:
+    """Table tennis strokes: R0 sees the ball, S_i the ball and the joints; the arm holds after the stroke.
+
+    Parameters
+    ----------
+    ball_names, joint_names
+        Observation columns of the ball and of the joint positions.
+    action_names
+        One velocity command per joint, in the order of `joint_names`.
+    """
+    corrections = tuple((joint, action, 6.0) for joint, action in zip(joint_names, action_names, strict=True))
+    return MSRDConfig(
+        sweeps=100,
+        episodes=200,
+        discount=0.995,
+        gae_decay=0.97,
+        policy_reward=PolicyReward.REWARD,
+        reward=RewardConfig(
+            task_features=FeatureConfig(names=ball_names),
+            strategy_features=FeatureConfig(names=ball_names + joint_names),
+        ),
+        discriminator=DiscriminatorConfig(
+            first_steps=200,
+            batch=512,
+            learning_rate=5e-4,
+            penalty_weight=0.01,
+            cross_weight=0.1,
+            cross_batch=256,
+            cross_demonstrations=1.0,
+            centre_density=True,
+            density_bounds=(-10.0, 10.0),
+        ),
+        replay=ReplayConfig(keep=2048, sweeps=5, replay_share=0.5),
+        policy=PolicyConfig(hidden=(64, 64), std=0.03, std_min=0.01, std_max=0.05),
+        trust_region=TrustRegionConfig(kl=0.012),
+        value=ValueConfig(hidden=(64, 64), sees_time=True, bootstrap=False),
+        cloning=CloningConfig(
+            steps=2000,
+            batch=512,
+            state_noise=tuple((joint, 0.03) for joint in joint_names),
+            corrections=corrections,
+        ),
+    )
+
+
+def as_printed(config: MSRDConfig) -> MSRDConfig:
+    """The same run with the paper's loss and nothing added to it."""
+    discriminator = replace(config.discriminator, cross_weight=0.0, gradient_penalty=0.0, penalise_all=False)
+    return replace(config, discriminator=discriminator)

@@ -1,0 +1,160 @@
+"""Task reward R0, strategy-only rewards S_i, and their sum R_i (paper, Equation 4)."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from enum import StrEnum
+
+import torch
+from torch import Tensor, nn
+
+from msrd_ros.learning.networks import BatchedMLP, Features
+from msrd_ros.learning.trajectories import Transitions
+
+
+class RewardForm(StrEnum):
+    """How strategy i's reward R_i is put together."""
+
+    TWO_COLUMN = "two_column"
+    """R_i = R0 + alpha_i S_i: MSRD (paper, Equation 4)."""
+    VANILLA = "vanilla"
+    """Separate networks R_i and R0, S_i read off as R_i - R0: vanilla distillation (paper, Equation 6)."""
+    TASK_ONLY = "task_only"
+    """R_i = R0: AIRL with one reward for everyone."""
+    STRATEGY_ONLY = "strategy_only"
+    """R_i = S_i, nothing shared: AIRL for each strategy on its own."""
+
+
+@dataclass(frozen=True)
+class RewardValues:
+    """Rewards of the same transitions, each ``[S, N]``: R_i, R0 and S_i."""
+
+    combined: Tensor
+    task: Tensor
+    strategy: Tensor
+
+
+class RewardModel(nn.Module):
+    """Task and strategy reward networks of three fully connected layers, looking at the next state.
+
+    Parameters
+    ----------
+    form
+        How R_i is composed.
+    strategies
+        Number of strategies, S.
+    task_features, strategy_features
+        What R0 and S_i see of an observation; they may differ.
+    action_width
+        Number of action columns appended to the features, 0 for state-only rewards.
+    hidden
+        Widths of the hidden layers, ``(32, 32)`` in the paper's table tennis study.
+    alpha
+        Weight of S_i in R_i, one value for all or one per strategy.
+    generator
+        Source of the initial weights.
+    shaping
+        Whether f_i also carries AIRL's potential ``gamma h_i(s') - h_i(s)``.
+    discount
+        gamma of the potential.
+    """
+
+    alpha: Tensor
+
+    def __init__(
+        self,
+        form: RewardForm,
+        strategies: int,
+        task_features: Features,
+        strategy_features: Features,
+        action_width: int,
+        hidden: tuple[int, ...],
+        alpha: float | tuple[float, ...],
+        generator: torch.Generator,
+        shaping: bool = False,
+        discount: float = 0.99,
+    ) -> None:
+        super().__init__()
+        self.form = RewardForm(form)
+        self.strategies = strategies
+        self.sees_action = action_width > 0
+        self.discount = discount
+        self.task_features = task_features
+        self.strategy_features = strategy_features
+        self.task_network = BatchedMLP(1, (task_features.width + action_width, *hidden, 1), generator)
+        sizes = (strategy_features.width + action_width, *hidden, 1)
+        self.strategy_network = BatchedMLP(strategies, sizes, generator)
+        self.potential_network = (
+            BatchedMLP(strategies, (strategy_features.width, *hidden, 1), generator) if shaping else None
+        )
+        weights = torch.tensor(alpha, dtype=torch.float32).reshape(-1, 1)
+        self.register_buffer("alpha", weights.expand(strategies, 1).clone())
+
+    def forward(self, transitions: Transitions) -> RewardValues:
+        """R_i, R0 and S_i of ``[S, N]`` transitions, row i judged by strategy i."""
+        return self.compose(self.task_inputs(transitions), self.strategy_inputs(transitions))
+
+    def compose(self, task_inputs: Tensor, strategy_inputs: Tensor) -> RewardValues:
+        """Equation 4 from scaled inputs ``[S, N, ...]``; for the other forms see `RewardForm`."""
+        if self.form is RewardForm.STRATEGY_ONLY:
+            strategy = self.strategy_network(strategy_inputs).squeeze(-1)
+            return RewardValues(strategy, torch.zeros_like(strategy), strategy)
+        task = self._shared(task_inputs)
+        if self.form is RewardForm.TASK_ONLY:
+            return RewardValues(task, task, torch.zeros_like(task))
+        own = self.strategy_network(strategy_inputs).squeeze(-1)
+        if self.form is RewardForm.VANILLA:
+            return RewardValues(own, task, own - task)
+        return RewardValues(task + self.alpha * own, task, own)
+
+    def shaping(self, transitions: Transitions) -> Tensor | float:
+        """AIRL's potential-based shaping ``gamma h_i(s') - h_i(s)``, ``[S, N]``, or 0."""
+        if self.potential_network is None:
+            return 0.0
+        after = self.potential_network(self.strategy_features(transitions.next_observation))
+        before = self.potential_network(self.strategy_features(transitions.observation))
+        return (self.discount * after - before).squeeze(-1)
+
+    def task_inputs(self, transitions: Transitions) -> Tensor:
+        """Scaled features of the next state, and the action if rewards see it, for R0."""
+        return self._inputs(self.task_features, transitions)
+
+    def strategy_inputs(self, transitions: Transitions) -> Tensor:
+        """The same for S_i."""
+        return self._inputs(self.strategy_features, transitions)
+
+    def table(self, transitions: Transitions) -> RewardValues:
+        """Every strategy's reward of the *same* ``[1, N]`` transitions, as ``[S, N]``."""
+        packed = transitions.packed.expand(self.strategies, -1, -1)
+        return self(Transitions(packed, transitions.observation_width, transitions.action_width))
+
+    def _inputs(self, features: Features, transitions: Transitions) -> Tensor:
+        inputs = features(transitions.next_observation)
+        return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
+
+    def _shared(self, inputs: Tensor) -> Tensor:
+        strategies, count, width = inputs.shape
+        values = self.task_network(inputs.reshape(1, strategies * count, width))
+        return values.reshape(strategies, count)
+
+
+class AveragedRewards:
+    """Exponential moving average of a reward model's weights, for reporting.
+
+    Adversarial training circles around its solution; the average of the iterates does not. It starts as
+    the plain mean and becomes exponential once ``1 / updates < rate``.
+    """
+
+    def __init__(self, model: RewardModel, rate: float) -> None:
+        self.model = copy.deepcopy(model).requires_grad_(False)
+        self.rate = rate
+        self.updates = 0
+
+    def update(self, model: RewardModel) -> None:
+        """Move the average towards the weights of `model`."""
+        self.updates += 1
+        weight = max(self.rate, 1.0 / self.updates)
+        with torch.no_grad():
+            for target, source in zip(self.model.parameters(), model.parameters(), strict=True):
+                target.lerp_(source, weight)
