@@ -18,7 +18,7 @@ from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.parameters import parameter
-from msrd_ros.learning.policy_set import PolicySet
+from msrd_ros.learning.stroke_policies import StrokePolicies
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import feed_to_message, outcome_from_message, strategy_message
 from msrd_ros.table_tennis.feeder import SPREADS, Feeder
@@ -78,8 +78,8 @@ class Evaluator(StackNode):
     def _read_landing_points(self) -> dict[StrategyLabel, np.ndarray]:
         if not self.config.checkpoint:
             return {}
-        policies = PolicySet.load(Path(self.config.checkpoint).expanduser())
-        return dict(zip(policies.labels, policies.landing_points, strict=True))
+        facts = StrokePolicies.load(Path(self.config.checkpoint)).facts
+        return {label: fact.landing_point for label, fact in facts.items()}
 
     @property
     def _label(self) -> StrategyLabel:

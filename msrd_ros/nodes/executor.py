@@ -22,7 +22,7 @@ from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.facts.sawyer import JOINT_NAMES
 from msrd_ros.facts.translation import NANOSECONDS, JointStateTranslator, read_ball_position, stamp_to_ns
-from msrd_ros.learning.policy_set import PolicySet, StrokeDraws, digest, stroke_layout
+from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.table_tennis.stroke_player import Phase, StrokePlayer
@@ -65,8 +65,8 @@ class Executor(StackNode):
         self._enabled = self.config.enabled
         self._joints = JointStateTranslator()
         self._player: StrokePlayer | None = None
-        self._policies: PolicySet | None = None
-        self._arriving: PolicySet | None = None
+        self._policies: StrokePolicies | None = None
+        self._arriving: StrokePolicies | None = None
         self._strategy: StrategyLabel | None = None
         self._wanted: StrategyLabel | None = None
         self._digest = ""
@@ -80,10 +80,8 @@ class Executor(StackNode):
         self._swapped_at = 0
         self._counts = {"commands": 0, "swaps": 0, "stops": 0, "refused": 0}
         if self.config.checkpoint:
-            path = Path(self.config.checkpoint).expanduser()
-            self._arriving = PolicySet.load(path)
-            self._arriving.layout.require(stroke_layout(()), str(path))
-            self._digest = digest(path.read_bytes())
+            self._arriving = StrokePolicies.load(Path(self.config.checkpoint))
+            self._digest = self._arriving.digest
         self._command = self.create_publisher(JointTrajectory, "joint_command", COMMAND)
         # The ball first: within a tick it is sent first, and is then taken first.
         self.create_subscription(PointStamped, "ball/position", self._on_ball, STATE)
@@ -121,12 +119,11 @@ class Executor(StackNode):
             layout = message.layout.dim[0].label if message.layout.dim else ""
             if layout != "safetensors":
                 raise UserError(f"topic policy: layout.dim[0].label is {layout!r}, wanted is 'safetensors'")
-            policies = PolicySet.from_bytes(data, "topic policy")
-            policies.layout.require(stroke_layout(()), "topic policy")
+            policies = StrokePolicies.from_bytes(data, "topic policy")
         except UserError as error:
             self._refuse(str(error))
             return
-        self._arriving, self._digest = policies, digest(data)
+        self._arriving, self._digest = policies, policies.digest
 
     def _on_ball(self, message: PointStamped) -> None:
         try:
@@ -215,7 +212,7 @@ class Executor(StackNode):
         if not swapped and not finished and self._wanted == self._strategy:
             return
         try:
-            index = self._policies.index(self._wanted)
+            facts = self._policies.require(self._wanted)
         except UserError as error:
             self._refuse(str(error))
             self._wanted = None
@@ -227,12 +224,8 @@ class Executor(StackNode):
         exploring = self._policies.exploration_seed
         seed = self.config.seed if exploring is None else exploring
         draws = StrokeDraws.of(seed, self._strokes - self._swapped_at)
-        policy = (
-            self._policies.policy(self._wanted)
-            if exploring is None
-            else self._policies.explorer(self._wanted, draws)
-        )
-        ready_pose = self._policies.ready_poses[index] + self.config.ready_noise_rad * draws.ready
+        policy = self._policies.play(self._wanted, draws)
+        ready_pose = facts.ready_pose + self.config.ready_noise_rad * draws.ready
         player.prepare(policy, ready_pose)
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
