@@ -1,0 +1,54 @@
+"""Bags as learners want them: episodes sampled at the control rate, through the one translation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from msrd_ros.bags.inspection import InspectionLimits, inspect
+from msrd_ros.bags.reader import Bag
+from msrd_ros.bags.schemas import deserialise
+from msrd_ros.bags.strokes import CutSettings, split_strokes
+from msrd_ros.bags.topics import BALL_POSITION, CONTRACT, JOINT_STATES, OUTCOME, BagMessage
+from msrd_ros.facts.episode import Episode
+from msrd_ros.facts.errors import UserError
+from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.translation import EpisodeAssembler
+
+
+def read_episodes(bag: Bag) -> list[Episode]:
+    """The strokes of a bag as arrays.
+
+    A bag of one stroke gives one episode. A longer recording, as `ros2 bag record` makes it, is cut at its
+    outcomes, and its strokes pass the inspection that the recorder makes; those that fail are left out.
+
+    Raises
+    ------
+    UserError
+        If the bag cannot be read or does not hold what a stroke needs; names the bag.
+    """
+    original = bag.raw()
+    labels = bag.labels(original)
+    messages = [message._replace(topic=bag.role(message.topic)) for message in original]
+    if sum(message.topic == OUTCOME for message in messages) > 1:
+        return [
+            _assemble(bag, stroke.messages, stroke.label)
+            for stroke in split_strokes(messages, CutSettings())
+            if stroke.label and inspect(stroke, InspectionLimits()).accepted
+        ]
+    if len(labels) > 1:
+        names = ", ".join(sorted(str(label) for label in labels))
+        raise UserError(
+            f"bag {bag.info.path}: shows several strategies ({names}) and no rally/outcome to part them; "
+            f"record rally/outcome too, or one bag a stroke"
+        )
+    return [_assemble(bag, messages, next(iter(labels)))]
+
+
+def _assemble(bag: Bag, messages: Iterable[BagMessage], label: StrategyLabel) -> Episode:
+    assembler = EpisodeAssembler(label, bag.info.subject, f"bag {bag.info.path}")
+    for message in messages:
+        if message.topic == JOINT_STATES:
+            assembler.add_joint_state(deserialise(message.data, CONTRACT[JOINT_STATES].type_name))
+        elif message.topic == BALL_POSITION:
+            assembler.add_ball_position(deserialise(message.data, CONTRACT[BALL_POSITION].type_name))
+    return assembler.assemble()

@@ -1,0 +1,51 @@
+"""Message definitions of ROS 2 Jazzy: schema text, type hash, and turning bytes into messages and back."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from msrd_ros.facts.errors import UserError
+
+
+@cache
+def typestore() -> Typestore:
+    """All message types of the distribution's common interfaces."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def is_known_type(type_name: str) -> bool:
+    """Whether a message type is one of the distribution's."""
+    return type_name in typestore().fielddefs
+
+
+@cache
+def describe_type(type_name: str) -> tuple[bytes, str]:
+    """Schema of a message type, as a bag carries it.
+
+    Returns
+    -------
+    The definition with all that it is made of (``ros2msg``), and its hash (``RIHS01_...``).
+
+    Raises
+    ------
+    UserError
+        If the type is none of the distribution's.
+    """
+    if not is_known_type(type_name):
+        raise UserError(f"message type {type_name} is unknown; only common_interfaces can be recorded")
+    definition, _ = typestore().generate_msgdef(type_name, ros_version=2)
+    return definition.encode(), typestore().hash_rihs01(type_name)
+
+
+def deserialise(data: bytes, type_name: str) -> Any:
+    """Message with the field names of the ROS type; arrays are NumPy arrays."""
+    return typestore().deserialize_cdr(data, type_name)
+
+
+def serialise(message: Any, type_name: str) -> bytes:
+    """CDR of a message from `deserialise`."""
+    return bytes(typestore().serialize_cdr(message, type_name))
