@@ -19,6 +19,7 @@ from msrd_ros.facts.sawyer import (
     SPEED_LIMIT_RAD_S,
     TORQUE_LIMIT_NM,
 )
+from msrd_ros.table_tennis.dynamics import JOINT_FRICTION_NM_S
 from msrd_ros.table_tennis.urdf import sawyer_urdf
 
 Array = NDArray[np.float64]
@@ -30,21 +31,21 @@ POSITION_TOLERANCE_RAD = 1e-3
 
 @dataclass(frozen=True)
 class ArmConfig:
-    """How the simulated arm differs from the published one, for studies of robustness.
+    """How the simulated arm differs from the robot's model of itself, for studies of robustness.
 
     Attributes
     ----------
     mass_scale
-        Factor on all masses and inertias; the controller goes on believing in 1.
+        Factor on all masses and inertias.
+    friction_scale
+        Factor on the joints' viscous friction, `JOINT_FRICTION_NM_S`.
     joint_friction_nm
-        Dry friction of every joint.
-    joint_damping_nm_s
-        Viscous friction of every joint, per rad/s.
+        Dry friction of every joint, of which the model knows nothing; doubles the cost of a step.
     """
 
     mass_scale: float = 1.0
+    friction_scale: float = 1.0
     joint_friction_nm: float = 0.0
-    joint_damping_nm_s: float = 0.0
 
 
 @dataclass
@@ -55,11 +56,8 @@ class LimitLog:
     ----------
     speed_fraction, torque_fraction
         Largest |speed| and |torque| of each joint as fractions of the limits, shape (7,).
-    samples
-        Milliseconds looked at.
-    speed_exceeded, position_exceeded, torque_exceeded
-        Samples in which some joint was more than 1 % over its speed limit, out of its position limits, or
-        over its torque limit.
+    counts
+        Samples, then samples over a limit of speed, position and torque, shape (4,).
     """
 
     speed_fraction: Array = field(default_factory=lambda: np.zeros(JOINT_COUNT))
@@ -138,7 +136,7 @@ class BulletArm:
     client
         Of PyBullet.
     config
-        Differences from the published arm.
+        Differences from the robot's model of itself.
 
     Attributes
     ----------
@@ -182,9 +180,9 @@ class BulletArm:
         pybullet.changeDynamics(
             self.body, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
         )
-        for joint in self.joints:
+        for joint, damping in zip(self.joints, JOINT_FRICTION_NM_S.tolist(), strict=True):
             pybullet.changeDynamics(
-                self.body, joint, jointDamping=config.joint_damping_nm_s, physicsClientId=self._client
+                self.body, joint, jointDamping=damping * config.friction_scale, physicsClientId=self._client
             )
 
     def place(self, position: Array) -> None:
@@ -207,5 +205,4 @@ class BulletArm:
     def read(self) -> None:
         """Fetch the state of the joints from Bullet into `position` and `velocity`."""
         states = pybullet.getJointStates(self.body, self.joints, physicsClientId=self._client)
-        self.position[:] = [state[0] for state in states]
-        self.velocity[:] = [state[1] for state in states]
+        self.position[:], self.velocity[:], _, _ = zip(*states, strict=True)

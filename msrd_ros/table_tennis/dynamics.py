@@ -29,6 +29,10 @@ Array = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
 
+JOINT_FRICTION_NM_S: Array = np.array([2.0, 2.0, 1.0, 1.0, 0.15, 0.15, 0.02])
+"""Viscous friction of the joints, per rad/s. Not published: a guess of ours at geared joints."""
+JOINT_FRICTION_NM_S.setflags(write=False)
+
 
 def inertia_matrix(link: LinkInertia) -> Array:
     """Inertia (3, 3) of a link about its own centre of mass, axes of its frame."""

@@ -30,7 +30,7 @@ from msrd_ros.facts.sawyer import (
     SPEED_LIMIT_RAD_S,
     TORQUE_LIMIT_NM,
 )
-from msrd_ros.table_tennis.dynamics import GRAVITY_M_S2, inverse_dynamics_into
+from msrd_ros.table_tennis.dynamics import GRAVITY_M_S2, JOINT_FRICTION_NM_S, inverse_dynamics_into
 
 Array = NDArray[np.float64]
 
@@ -163,7 +163,8 @@ def computed_torque(
     inverse_dynamics_into(measured_position, measured_velocity, wanted, GRAVITY_M_S2, torque)
     for joint in range(JOINT_COUNT):
         limit = TORQUE_LIMIT_NM[joint]
-        torque[joint] = min(max(torque[joint], -limit), limit)
+        wanted_torque = torque[joint] + JOINT_FRICTION_NM_S[joint] * measured_velocity[joint]
+        torque[joint] = min(max(wanted_torque, -limit), limit)
 
 
 @njit(cache=True, nogil=True)

@@ -36,6 +36,9 @@ def rotation_from_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array
     )
 
 
+LINK_NAMES: tuple[str, ...] = tuple(joint.child for joint in ARM_JOINTS)
+"""The moving links, in the order of `link_frames`."""
+
 _BASE = np.array(BASE_POSITION)
 _OFFSETS = np.array([joint.offset for joint in ARM_JOINTS])
 _ROTATIONS = np.array([rotation_from_roll_pitch_yaw(*joint.roll_pitch_yaw) for joint in ARM_JOINTS])

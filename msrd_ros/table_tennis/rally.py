@@ -13,14 +13,14 @@ from typing import Self
 
 import numpy as np
 import pybullet
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD
 from msrd_ros.table_tennis.ball_step import step_ball
-from msrd_ros.table_tennis.bullet_arm import BulletArm, LimitLog
+from msrd_ros.table_tennis.bullet_arm import ArmConfig, BulletArm, LimitLog
 from msrd_ros.table_tennis.bullet_scene import BulletScene
 from msrd_ros.table_tennis.dynamics import inverse_dynamics
 from msrd_ros.table_tennis.feeder import Feed, Feeder
@@ -31,7 +31,7 @@ from msrd_ros.table_tennis.rotations import quaternion_from_rotation
 from msrd_ros.table_tennis.sawyer_description import BASE_POSITION
 from msrd_ros.table_tennis.scene import Scene
 from msrd_ros.table_tennis.surfaces import NO_PADDLE, PADDLE_SIZE
-from msrd_ros.table_tennis.teaching import GuidanceConfig, HandGuidance, HandTarget
+from msrd_ros.table_tennis.teaching import GuidanceConfig, HandGesture, HandGuidance
 
 Array = NDArray[np.float64]
 
@@ -58,8 +58,8 @@ class RallyConfig:
     ----------
     scene
         Table, net, ball and air.
-    mass_scale, friction_scale
-        How the arm differs from the robot's model of itself; see `BulletArm`.
+    arm
+        How the arm differs from the robot's model of itself.
     driver, guidance
         Gains of the joints' driver and of the teaching hand.
     shortest_s, longest_s
@@ -68,8 +68,7 @@ class RallyConfig:
     """
 
     scene: Scene = field(default_factory=Scene)
-    mass_scale: float = 1.0
-    friction_scale: float = 1.0
+    arm: ArmConfig = field(default_factory=ArmConfig)
     driver: DriverGains = field(default_factory=DriverGains)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     shortest_s: float = 1.95
@@ -106,7 +105,7 @@ class Rally:
             fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
         )
         self._scene = BulletScene(self._client, self.config.scene, visible=gui)
-        self._arm = BulletArm(self._client, self.config.mass_scale, self.config.friction_scale)
+        self._arm = BulletArm(self._client, self.config.arm)
         self._constants = self.config.scene.constants()
         self._driver = JointDriver(STEP_S, self.config.driver)
         self._guidance = HandGuidance(self.config.guidance, STEP_S)
@@ -120,7 +119,7 @@ class Rally:
         self._referee = new_referees(1)
         self._ball_steps = 0
         self._ball_in_play = False
-        self._ball_id = 0
+        self._balls_launched = 0
         self._outcome: Outcome | None = None
         self._paddle_before: Array = np.empty(PADDLE_SIZE)
         self._paddle_after: Array = np.empty(PADDLE_SIZE)
@@ -258,8 +257,36 @@ class Rally:
         if not self._resting:
             self._driver.hold_at(self._arm.position, None if teaching else self._arm.velocity)
 
-    def lead_hand(self, target: HandTarget) -> None:
-        """Take the paddle by the hand and lead it, from now on.
+    def lead_hand(
+        self,
+        position: ArrayLike,
+        quaternion: ArrayLike,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Take the paddle by the hand and lead it to a pose, now; call again to lead it on.
+
+        Between calls the hand goes on with the given velocities, and lets go when it has not been heard of
+        for `GuidanceConfig.hand_timeout_s`.
+
+        Parameters
+        ----------
+        position
+            Of the blade's centre, shape (3,), m.
+        quaternion
+            x, y, z, w of `right_l6`.
+        velocity, angular_velocity
+            Of that pose, shape (3,), m/s and rad/s, in `world`.
+
+        Raises
+        ------
+        UserError
+            If the arm is not in teach mode, or a number is not finite.
+        """
+        self.lead_gesture(HandGesture.now(position, quaternion, velocity, angular_velocity))
+
+    def lead_gesture(self, gesture: HandGesture) -> None:
+        """Lead the paddle through a gesture that starts now; afterwards the hand keeps its last pose.
 
         Raises
         ------
@@ -268,7 +295,7 @@ class Rally:
         """
         if not self._teaching:
             raise UserError("the arm is not in teach mode; switch it on before leading the hand")
-        self._guidance.lead(self.time, target)
+        self._guidance.lead(self.time, gesture)
         self._resting = False
 
     def release_hand(self) -> None:
@@ -293,6 +320,11 @@ class Rally:
         return self._ball_steps * STEP_S
 
     @property
+    def balls_launched(self) -> int:
+        """How many balls there were; the last one's id is one less."""
+        return self._balls_launched
+
+    @property
     def rally_over(self) -> bool:
         """Whether the last launched ball has an outcome."""
         return self._outcome is not None
@@ -302,8 +334,8 @@ class Rally:
         """What became of the ball launched last; None until its rally is over."""
         return self._outcome
 
-    def launch(self, feed: Feed, ball_id: int = 0) -> None:
-        """Launch a ball now, in place of the one before.
+    def launch(self, feed: Feed) -> int:
+        """Launch a ball now, in place of the one before, and return its id.
 
         Raises
         ------
@@ -315,15 +347,16 @@ class Rally:
             raise UserError("feed holds a number that is not finite; give position, velocity and spin in SI")
         self._ball[:] = state
         self._referee = new_referees(1)
-        self._ball_id = ball_id
         self._ball_steps = 0
         self._ball_in_play = True
         self._outcome = None
+        self._balls_launched += 1
+        return self._balls_launched - 1
 
     def abort(self) -> Outcome:
         """End the rally under way as it stands."""
         self._ball_in_play = False
-        self._outcome = outcome_of(self._referee, self._ball_id)
+        self._outcome = outcome_of(self._referee, self._balls_launched - 1)
         return self._outcome
 
     def clear_ball(self) -> None:

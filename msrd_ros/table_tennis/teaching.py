@@ -60,7 +60,7 @@ class GuidanceConfig:
 
 
 @dataclass(frozen=True)
-class HandTarget:
+class HandGesture:
     """Where the hand leads the paddle: a whole gesture in time, or one streamed point.
 
     A gesture is followed from its first point to its last, which the hand then keeps. From one point the
@@ -89,15 +89,15 @@ class HandTarget:
         count = len(self.times_s)
         shapes = {"positions": 3, "quaternions": 4, "velocities": 3, "angular_velocities": 3}
         if count < 1 or np.any(np.diff(self.times_s) <= 0.0) or not np.isfinite(self.times_s).all():
-            raise UserError("hand target: its times must be finite and increase from point to point")
+            raise UserError("hand gesture: its times must be finite and increase from point to point")
         for name, width in shapes.items():
             values = getattr(self, name)
             if values.shape != (count, width):
-                raise UserError(f"hand target: {name} has shape {values.shape}; give ({count}, {width})")
+                raise UserError(f"hand gesture: {name} has shape {values.shape}; give ({count}, {width})")
             if not np.isfinite(values).all():
-                raise UserError(f"hand target: {name} holds a number that is not finite")
+                raise UserError(f"hand gesture: {name} holds a number that is not finite")
         if np.any(np.linalg.norm(self.quaternions, axis=1) < 1e-6):
-            raise UserError("hand target: quaternions holds a zero; give unit quaternions x, y, z, w")
+            raise UserError("hand gesture: quaternions holds a zero; give unit quaternions x, y, z, w")
 
     @classmethod
     def now(
@@ -106,7 +106,7 @@ class HandTarget:
         quaternion: ArrayLike,
         velocity: ArrayLike = (0.0, 0.0, 0.0),
         angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
-    ) -> HandTarget:
+    ) -> HandGesture:
         """One streamed point: pose and velocities, shapes (3,), (4,), (3,) and (3,), that hold now."""
         parts = (position, quaternion, velocity, angular_velocity)
         return cls(np.zeros(1), *(np.array([part], dtype=np.float64) for part in parts))
@@ -255,7 +255,7 @@ class HandGuidance:
         """Let go."""
         self.leading = False
 
-    def lead(self, time_s: float, target: HandTarget) -> None:
+    def lead(self, time_s: float, target: HandGesture) -> None:
         """Lead the paddle to or through `target`, whose times count from `time_s`."""
         self._start_s = time_s
         self._times = np.ascontiguousarray(target.times_s, dtype=np.float64)
