@@ -66,7 +66,7 @@ class MSRD:
         self.environment_steps = 0
         self._collector = collector
         torch_seed, numpy_seed = np.random.SeedSequence(seed).spawn(2)
-        self._generator = torch.Generator().manual_seed(int(torch_seed.generate_state(1, np.uint64)[0] >> 1))
+        self._generator = torch.Generator().manual_seed(int(torch_seed.generate_state(1, np.uint64)[0]) >> 1)
         self._rng = np.random.default_rng(numpy_seed)
 
         # Line 1: the demonstrations.  Lines 2 and 3: R0, S_i, pi_i and the weights alpha_i.
