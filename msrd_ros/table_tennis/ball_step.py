@@ -15,6 +15,7 @@ from msrd_ros.table_tennis.surfaces import (
     NET,
     NO_CONTACT,
     PADDLE,
+    REST_SPEED,
     TABLE,
     TABLE_SIDE,
     fixed_gap,
@@ -26,9 +27,7 @@ from msrd_ros.table_tennis.surfaces import (
 )
 
 _MOST_TOUCHES = 16
-"""In one step; a ball at rest on a surface touches it over and over."""
-_REST_SPEED = 0.02
-"""Approach in m/s below which a surface at rest takes the ball's last bit of bouncing away."""
+"""In one step: more than a ball at rest in a corner needs, fewer than would hold everyone up."""
 _SHORTEST = 1e-12
 """Seconds; what is left of a step below this is nothing."""
 
@@ -152,7 +151,7 @@ def rebound_fixed(ball: NDArray[np.float64], surface: int, scene: SceneConstants
         restitution, friction = scene.net_restitution, 0.0
     else:
         restitution, friction = scene.floor_restitution, scene.floor_friction
-    if -(ball[3] * nx + ball[4] * ny + ball[5] * nz) < _REST_SPEED:
+    if -(ball[3] * nx + ball[4] * ny + ball[5] * nz) < REST_SPEED:
         restitution = 0.0
     push_out(ball, gap, nx, ny, nz)
     rebound_rigid(ball, nx, ny, nz, restitution, friction, scene)

@@ -35,6 +35,11 @@ _PADDLE_ACCELERATION = 4000.0
 """Bound A for the paddle: a blade at 12 m/s and 30 rad/s with 200 m/s^2 stays below 2,000."""
 _TOUCH = 1e-7
 """Gap in m that counts as a touch."""
+REST_SPEED = 0.02
+"""Approach in m/s below which a ball does not bounce off a surface at rest any more, but rests on it."""
+_REST_DEPTH = 1e-5
+"""What a resting ball sinks in, in m, before it is held up: so that it touches a few times a step, not
+hundreds."""
 _MOST_LEAPS = 1000
 
 NO_PADDLE: NDArray[np.float64] = np.array([0.0, 0.0, 1e6, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -289,7 +294,7 @@ def fixed_touch(
             + gy * (ball[4] + s * (ball_end[4] - ball[4]))
             + gz * (ball[5] + s * (ball_end[5] - ball[5]))
         )
-        if gap <= _TOUCH and rate < 0.0:
+        if gap <= (_TOUCH if rate < -REST_SPEED else -_REST_DEPTH) and rate < 0.0:
             return time
         time += leap(max(gap, _TOUCH), rate, _FIXED_ACCELERATION)
         if time >= duration:
