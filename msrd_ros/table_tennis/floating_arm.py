@@ -1,0 +1,154 @@
+"""Torques of an arm in zero-g that a hand leads by the paddle: one implicit step.
+
+Spring-damper, joint damping and brakes are all stiff against the light wrist (6e-4 kg m^2 about the
+handle), so the step is solved for the joint rates at its end: with v' the coming rates,
+
+    M (v' - v) = dt [J^T (K (e - dt J v') + D (t - J v')) - B v' + b],
+
+where e is the hand's lead over the paddle at the end of the step, t its twist, and b the brakes of the joints
+that would come out too fast. Stable for any gains; the motors then give what is theirs, within their limits.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from msrd_ros.facts.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
+from msrd_ros.table_tennis.dynamics import JOINT_FRICTION_NM_S, inverse_dynamics, mass_matrix
+from msrd_ros.table_tennis.kinematics import paddle_jacobian
+
+Array = NDArray[np.float64]
+
+_SWEEPS = 40
+
+
+class Grip(NamedTuple):
+    """How the hand holds the paddle: gains along the six directions of a twist, and what it can bear.
+
+    `stiffness` and `damping` of shape (6,), N/m or Nm/rad and N s/m or Nm s/rad; limits in N and Nm.
+    """
+
+    stiffness: Array
+    damping: Array
+    force_limit: float
+    torque_limit: float
+
+
+class Floating(NamedTuple):
+    """How the arm gives way: damping of each joint (7,) in Nm s, a rate 1/s at which an arm that nobody leads
+    is slowed down, and the shares of the speed limits where the brakes begin and are fully on.
+    """
+
+    damping: Array
+    stop_rate: float
+    brake_from: float
+    brake_full: float
+
+
+@njit(cache=True, nogil=True)
+def _share(x: float, y: float, z: float, most: float) -> float:
+    size = math.sqrt(x * x + y * y + z * z)
+    return most / size if size > most else 1.0
+
+
+@njit(cache=True, nogil=True)
+def _brake(
+    coming: Array, mobility: Array, motor: Array, damping: Array, brake_from: float, brake_full: float
+) -> Array:
+    """Brake torques (7,) by projected Gauss-Seidel; `coming` (7,) becomes the rates that they leave."""
+    brake = np.zeros(JOINT_COUNT)
+    for _ in range(_SWEEPS):
+        largest = 0.0
+        for joint in range(JOINT_COUNT):
+            own = mobility[joint, joint]
+            soft = brake_from * SPEED_LIMIT_RAD_S[joint]
+            slope = TORQUE_LIMIT_NM[joint] / ((brake_full - brake_from) * SPEED_LIMIT_RAD_S[joint])
+            free = coming[joint] - own * brake[joint]
+            excess = max(abs(free) - soft, 0.0)
+            wanted = -math.copysign(slope * excess / (1.0 + slope * own), free)
+            # What the motor has left beside carrying and damping.
+            busy = motor[joint] - damping[joint] * coming[joint]
+            limit = TORQUE_LIMIT_NM[joint]
+            wanted = min(max(busy + wanted, -limit), limit) - busy if excess > 0.0 else 0.0
+            change = wanted - brake[joint]
+            coming += mobility[:, joint] * change
+            brake[joint] = wanted
+            largest = max(largest, abs(change))
+        if largest < 1e-6:
+            break
+    return brake
+
+
+@njit(cache=True, nogil=True)
+def float_step(
+    position: Array,
+    velocity: Array,
+    lead: Array,
+    twist: Array,
+    grip: Grip,
+    floating: Floating,
+    step: float,
+    motor: Array,
+    outside: Array,
+) -> None:
+    """Write the torques of the coming step: the motors' and those that the hand's wrench makes.
+
+    Parameters
+    ----------
+    position, velocity
+        Of the joints, shape (7,), rad and rad/s.
+    lead
+        From the paddle to where the hand will be at the end of the step, shape (6,): m, then a turn in rad.
+    twist
+        Of the hand, shape (6,), m/s and rad/s.
+    grip
+        Zero gains for no hand.
+    floating
+        The arm's own manners.
+    step
+        Seconds.
+    motor, outside
+        Written, shape (7,) each, Nm. The motors' are within the torque limits.
+    """
+    carry = inverse_dynamics(position, velocity, np.zeros(JOINT_COUNT)) + JOINT_FRICTION_NM_S * velocity
+    inertia = mass_matrix(position)
+    jacobian = paddle_jacobian(position)
+    damping = floating.damping
+    stopping = floating.stop_rate * inertia
+    force_share = torque_share = 1.0
+    coming: Array = velocity.copy()
+    mobility: Array = np.empty((JOINT_COUNT, JOINT_COUNT))
+    stiffness = grip.stiffness.copy()
+    resistance = grip.damping.copy()
+    for _ in range(3):
+        stiffness[:3], stiffness[3:] = grip.stiffness[:3] * force_share, grip.stiffness[3:] * torque_share
+        resistance[:3], resistance[3:] = grip.damping[:3] * force_share, grip.damping[3:] * torque_share
+        pull = jacobian.T * (step * stiffness + resistance)
+        heavy = inertia + step * (pull @ jacobian + stopping)
+        for joint in range(JOINT_COUNT):
+            heavy[joint, joint] += step * damping[joint]
+        mobility = step * np.linalg.inv(heavy)
+        drive = jacobian.T @ (stiffness * lead + resistance * twist)
+        coming = mobility @ (inertia @ velocity / step + drive)
+        # A hand at the end of its strength is a hand with a softer grip.
+        going = jacobian @ coming
+        wrench = stiffness * (lead - step * going) + resistance * (twist - going)
+        force = _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
+        torque = _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
+        force_share *= force
+        torque_share *= torque
+        if force > 0.999 and torque > 0.999:
+            break
+    brake = _brake(coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
+    going = jacobian @ coming
+    wrench = stiffness * (lead - step * going) + resistance * (twist - going)
+    wrench[:3] *= _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
+    wrench[3:] *= _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
+    outside[:] = jacobian.T @ wrench
+    wanted = carry - damping * coming - stopping @ coming + brake
+    motor[:] = np.minimum(np.maximum(wanted, -TORQUE_LIMIT_NM), TORQUE_LIMIT_NM)
