@@ -13,17 +13,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from msrd_ros.learning.advantages import credit_passive_rewards, generalised_advantages
 from msrd_ros.learning.cloning import clone
 from msrd_ros.learning.config import MSRDConfig, PolicyReward
 from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.replay import DemonstrationPool, Replay
 from msrd_ros.learning.reward_training import Negatives, RewardTraining
 from msrd_ros.learning.rewards import AveragedRewards, RewardModel
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
-from msrd_ros.learning.trpo import trust_region_step
-from msrd_ros.learning.value import ValueFunctions
 
 
 class MSRD:
@@ -95,7 +93,15 @@ class MSRD:
             float(np.log(config.policy.std_max)),
             self._generator,
         )
-        self._value = ValueFunctions(strategies, features, config.value, self._generator)
+        self._improvement = PolicyImprovement(
+            self.policies,
+            features,
+            config.trust_region,
+            config.value,
+            config.discount,
+            config.gae_decay,
+            self._generator,
+        )
         self._averaged = AveragedRewards(self.rewards, config.discriminator.average)
         self._training = RewardTraining(self.rewards, self._averaged, config.discriminator, config.sweeps)
         widths = (len(self.layout.observation_names), len(self.layout.action_names))
@@ -160,7 +166,7 @@ class MSRD:
         reward = self._reward(generated).reshape(*rollouts.actions.shape[:2], -1)
 
         # Line 10: update the policies by TRPO with entropy bonus.
-        metrics |= self._improve_policies(rollouts, reward)
+        metrics |= self._improvement.improve(rollouts, reward)
 
         self.sweeps_done += 1
         metrics["reward"] = float(reward.mean())
@@ -175,42 +181,6 @@ class MSRD:
         if self.config.policy_reward is PolicyReward.LOGIT:
             reward = reward - generated.log_prob
         return reward
-
-    def _improve_policies(self, rollouts: Rollouts, reward: Tensor) -> dict[str, float]:
-        """Line 10: advantages, one trust-region step, and a better baseline for the next sweep."""
-        config = self.config
-        strategies, episodes, acting = rollouts.actions.shape[:3]
-        horizon = rollouts.observations.shape[2] - 1
-        observations = torch.as_tensor(rollouts.observations[:, :, : acting + 1])
-        actions = torch.as_tensor(rollouts.actions).flatten(1, 2)
-        clock = (torch.arange(acting + 1) / horizon).expand(strategies, episodes, acting + 1)
-        reward = credit_passive_rewards(reward, acting, config.discount)
-        states, times = observations[:, :, :acting].flatten(1, 2), clock[:, :, :acting].flatten(1, 2)
-        if self.sweeps_done == 0:
-            nothing = torch.zeros(strategies, episodes, acting + 1)
-            returns = generalised_advantages(reward, nothing, config.discount, 1.0)
-            self._value.fit(states, times, returns.flatten(1, 2))
-        values = self._value(observations.flatten(1, 2), clock.flatten(1, 2))
-        values = values.reshape(strategies, episodes, acting + 1)
-        if not config.value.bootstrap:
-            values[:, :, -1] = 0.0
-        advantages = generalised_advantages(reward, values, config.discount, config.gae_decay)
-        advantages = advantages.flatten(1, 2)
-        deviation = advantages.std(dim=1, keepdim=True) + 1e-8
-        advantages = (advantages - advantages.mean(dim=1, keepdim=True)) / deviation
-        report = trust_region_step(
-            self.policies, states, actions, advantages, config.trust_region, self._generator
-        )
-        returns = generalised_advantages(reward, values, config.discount, 1.0) + values[:, :, :-1]
-        error = self._value.fit(states, times, returns.flatten(1, 2))
-        with torch.no_grad():
-            entropy = self.policies.entropy(self.policies.distribution(states[:, :1]))
-        return {
-            "kl": float(report.kl.mean()),
-            "steps_accepted": float(report.accepted.float().mean()),
-            "entropy": float(entropy.mean()),
-            "value_error": float(error.mean()),
-        }
 
     def _collect(self, episodes: int) -> Rollouts:
         rollouts = self._collector.collect(self.policies, episodes, self._rng)
@@ -261,7 +231,7 @@ class MSRD:
             "rewards": self.rewards.state_dict(),
             "averaged": {"weights": self._averaged.model.state_dict(), "updates": self._averaged.updates},
             "training": self._training.state_dict(),
-            "value": self._value.state_dict(),
+            "value": self._improvement.value.state_dict(),
             "replay": self._replay.state_dict(),
             "snapshots": None if self._snapshots is None else self._snapshots.packed,
             "torch_generator": self._generator.get_state(),
@@ -277,7 +247,7 @@ class MSRD:
         self._averaged.model.load_state_dict(state["averaged"]["weights"])
         self._averaged.updates = int(state["averaged"]["updates"])
         self._training.load_state_dict(state["training"])
-        self._value.load_state_dict(state["value"])
+        self._improvement.value.load_state_dict(state["value"])
         self._replay.load_state_dict(state["replay"])
         snapshots = state["snapshots"]
         widths = (len(self.layout.observation_names), len(self.layout.action_names))

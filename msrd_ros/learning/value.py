@@ -63,6 +63,11 @@ class ValueFunctions:
         self._std = torch.ones(strategies, 1)
         self._fitted = False
 
+    @property
+    def fitted(self) -> bool:
+        """Whether there has been any regression yet."""
+        return self._fitted
+
     @torch.no_grad()
     def __call__(self, observations: Tensor, time: Tensor) -> Tensor:
         """Values ``[S, N]`` of ``observations [S, N, O]`` at the shares ``time [S, N]`` of the horizon."""

@@ -1,0 +1,1 @@
+"""The inverted pendulum study: environment, demonstrators, methods, evaluation, report."""

@@ -1,0 +1,277 @@
+"""Twenty ways to balance a pole: training them, choosing them, keeping them as data files.
+
+The recipe that made a file stands in its header, and ``make_demonstrators`` run with it makes the file again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from msrd_ros.experiments.inverted_pendulum.environment import (
+    InvertedPendulum,
+    has_fallen,
+    pendulum_layout,
+    task_reward,
+)
+from msrd_ros.experiments.inverted_pendulum.truths import (
+    DivergenceTruth,
+    KnownPreferences,
+    PosteriorTruth,
+    PreferenceReward,
+    StrategyTruth,
+    extrinsic,
+    pendulum_features,
+)
+from msrd_ros.facts.errors import UserError
+from msrd_ros.learning.checkpoints import write_atomically
+from msrd_ros.learning.diayn import DiaynReward
+from msrd_ros.learning.kl_encouraged import KLEncouragedReward
+from msrd_ros.learning.networks import BatchedMLP
+from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.reinforcement import PolicyTraining, RewardSource
+from msrd_ros.learning.rollouts import BatchedCollector
+from msrd_ros.learning.trajectories import Demonstrations
+from msrd_ros.learning.trpo import TrustRegionConfig
+from msrd_ros.learning.value import ValueConfig
+
+STRATEGIES = 20
+_POLICY_HIDDEN = (32, 32)
+_POSTERIOR_HIDDEN = (64, 64)
+
+
+class Kind(StrEnum):
+    """Where the heterogeneity comes from."""
+
+    DIAYN = "diayn"
+    KL_ENCOURAGED = "kl_encouraged"
+    KNOWN_PREFERENCE = "known_preference"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a set of demonstrators is made.
+
+    Attributes
+    ----------
+    kind
+        Source of heterogeneity.
+    seed
+        Everything random follows from it.
+    candidates
+        Strategies trained, of which 20 are kept.
+    weight
+        Weight of the diversity or preference reward beside the task reward.
+    bound
+        KL-encouraged: largest divergence of a pair that counts, in nats.
+    short_sweeps, long_sweeps
+        TRPO updates on episodes of 200 steps, then of the full 1,000.
+    kl
+        Trust region.
+    """
+
+    kind: Kind = Kind.DIAYN
+    seed: int = 0
+    candidates: int = 26
+    weight: float = 0.1
+    bound: float = 10.0
+    short_sweeps: int = 200
+    long_sweeps: int = 80
+    kl: float = 0.03
+
+
+@dataclass(frozen=True)
+class Demonstrators:
+    """Policies that solve the task, each in its own way, and what each of them truly prefers.
+
+    Attributes
+    ----------
+    recipe
+        How they were made.
+    policies
+        20 Gaussian policies.
+    truth
+        Their true strategy rewards.
+    report
+        Per kept strategy: task return a step, share of episodes with a fall, distinctness.
+    """
+
+    recipe: Recipe
+    policies: GaussianPolicies
+    truth: StrategyTruth
+    report: dict[str, Any]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the strategies."""
+        return tuple(f"strategy {index + 1}" for index in range(self.policies.strategies))
+
+    def demonstrate(self, count: int, seed: int, horizon: int = 1000) -> Demonstrations:
+        """Play `count` episodes of each strategy, stochastically, as maximum-entropy experts do."""
+        collector = BatchedCollector(InvertedPendulum(horizon))
+        played = collector.collect(self.policies, count, np.random.default_rng(seed))
+        return Demonstrations(played.observations, played.actions, pendulum_layout(self.labels))
+
+
+def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda line: None) -> Demonstrators:
+    """Train candidates and keep 20 of them.
+
+    The rule: a candidate must stay up in every one of 10 episodes of 1,000 steps and lose no more than
+    0.05 rad a step on average; of those, the 20 most distinct are kept (distinctness: how often a fresh
+    classifier of states, fitted on other episodes, recognises it). Known preferences are all kept if they
+    stay up: there are 20, and a preference is not chosen by its outcome.
+    """
+    generator = torch.Generator().manual_seed(recipe.seed)
+    count = STRATEGIES if recipe.kind is Kind.KNOWN_PREFERENCE else recipe.candidates
+    policies = _fresh_policies(count, generator)
+    source: RewardSource
+    if recipe.kind is Kind.DIAYN:
+        source = DiaynReward(
+            count, pendulum_features(), _POSTERIOR_HIDDEN, extrinsic, recipe.weight, generator
+        )
+    elif recipe.kind is Kind.KL_ENCOURAGED:
+        source = KLEncouragedReward(extrinsic, recipe.weight / (count - 1), recipe.bound)
+    else:
+        source = PreferenceReward(KnownPreferences.twenty(), recipe.weight)
+    training = PolicyTraining(
+        policies,
+        pendulum_features(),
+        source,
+        BatchedCollector(InvertedPendulum(200)),
+        10,
+        TrustRegionConfig(kl=recipe.kl),
+        ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
+        0.99,
+        0.97,
+        recipe.seed,
+    )
+    for sweep in range(recipe.short_sweeps + recipe.long_sweeps):
+        if sweep == recipe.short_sweeps:
+            training.collector = BatchedCollector(InvertedPendulum(1000))
+            training.episodes = 2
+        metrics = training.sweep()
+        if sweep % 20 == 19:
+            progress(f"demonstrators: sweep {sweep + 1}, reward {metrics['reward']:.3f}")
+    if isinstance(source, DiaynReward):
+        _settle_posterior(source, policies, recipe.seed)
+    kept, report = _choose(policies, recipe)
+    chosen = _subset(policies, kept)
+    if isinstance(source, DiaynReward):
+        return Demonstrators(recipe, chosen, PosteriorTruth(source.posterior, kept), report)
+    return Demonstrators(recipe, chosen, _other_truth(recipe, chosen), report)
+
+
+def _fresh_policies(count: int, generator: torch.Generator) -> GaussianPolicies:
+    """Std 0.5 at first, never below 0.1 or above 1: without the cap it runs away while actions clip."""
+    bounds = (float(np.log(0.5)), float(np.log(0.1)), 0.0)
+    return GaussianPolicies(count, pendulum_features(), 1, _POLICY_HIDDEN, *bounds, generator)
+
+
+def _settle_posterior(source: DiaynReward, policies: GaussianPolicies, seed: int) -> None:
+    """Bring q to rest on the finished policies, so that the truth is that of the demonstrators as they are."""
+    played = BatchedCollector(InvertedPendulum(1000)).collect(policies, 4, np.random.default_rng([seed, 2]))
+    states = torch.as_tensor(played.observations[:, :, 1:]).flatten(1, 2)
+    for _ in range(40):
+        source.fit(states)
+
+
+def _choose(policies: GaussianPolicies, recipe: Recipe) -> tuple[tuple[int, ...], dict[str, Any]]:
+    played = BatchedCollector(InvertedPendulum(1000)).collect(
+        policies, 10, np.random.default_rng([recipe.seed, 3])
+    )
+    falls = has_fallen(played.observations).mean(axis=1)
+    returns = task_reward(played.observations[:, :, 1:]).mean(axis=(1, 2))
+    able = (falls == 0.0) & (returns > -0.05)
+    generator = torch.Generator().manual_seed(recipe.seed + 1)
+    classifier = DiaynReward(
+        policies.strategies, pendulum_features(), _POSTERIOR_HIDDEN, extrinsic, 1.0, generator
+    )
+    states = torch.as_tensor(played.observations[:, :, 1:])
+    for _ in range(80):
+        classifier.fit(states[:, :5].flatten(1, 2))
+    recognised = np.zeros(policies.strategies)
+    for index in range(policies.strategies):
+        found = classifier.log_posterior(states[index, 5:].reshape(-1, 4)).argmax(dim=0)
+        recognised[index] = float((found == index).float().mean())
+    order = sorted(range(policies.strategies), key=lambda i: (not able[i], -recognised[i]))
+    kept = tuple(sorted(order[: min(STRATEGIES, policies.strategies)]))
+    if not able[list(kept)].all():
+        raise UserError(
+            f"demonstrators: only {int(able.sum())} of {policies.strategies} candidates stay up, "
+            f"{STRATEGIES} are needed; train longer or more"
+        )
+    report = {
+        "candidates": policies.strategies,
+        "able": int(able.sum()),
+        "task_return": returns[list(kept)].tolist(),
+        "recognised": recognised[list(kept)].tolist(),
+        "cart_position_mean": played.observations[list(kept), :, 500:, 0].mean(axis=(1, 2)).tolist(),
+        "cart_position_sd": played.observations[list(kept), :, 500:, 0].std(axis=(1, 2)).tolist(),
+    }
+    return kept, report
+
+
+def _subset(policies: GaussianPolicies, kept: tuple[int, ...]) -> GaussianPolicies:
+    chosen = _fresh_policies(len(kept), torch.Generator().manual_seed(0))
+    chosen.set_flat(policies.flat()[list(kept)])
+    return chosen
+
+
+def _other_truth(recipe: Recipe, policies: GaussianPolicies) -> StrategyTruth:
+    if recipe.kind is Kind.KL_ENCOURAGED:
+        return DivergenceTruth(policies, recipe.bound)
+    return KnownPreferences.twenty()
+
+
+def save_demonstrators(path: Path, demonstrators: Demonstrators) -> None:
+    """Write policies, truth, recipe and report as one safetensors file."""
+    tensors = {"policies": demonstrators.policies.flat()}
+    header: dict[str, Any] = {"recipe": asdict(demonstrators.recipe), "report": demonstrators.report}
+    if isinstance(demonstrators.truth, PosteriorTruth):
+        tensors["posterior"] = demonstrators.truth.posterior.flat()
+        header["kept"] = demonstrators.truth.kept
+    write_atomically(path, save_tensors(tensors, metadata={"msrd_ros": json.dumps(header)}))
+
+
+def load_demonstrators(path: Path) -> Demonstrators:
+    """Read a file of `save_demonstrators`.
+
+    Raises
+    ------
+    UserError
+        If it is missing or damaged.
+    """
+    try:
+        data = path.read_bytes()
+        length = int.from_bytes(data[:8], "little")
+        header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["msrd_ros"])
+        tensors = load_tensors(data)
+        recipe = Recipe(**{**header["recipe"], "kind": Kind(header["recipe"]["kind"])})
+        generator = torch.Generator().manual_seed(0)
+        policies = _fresh_policies(tensors["policies"].shape[0], generator)
+        policies.set_flat(tensors["policies"])
+        truth = _other_truth(recipe, policies)
+        if recipe.kind is Kind.DIAYN:
+            posterior = BatchedMLP(1, (4, *_POSTERIOR_HIDDEN, recipe.candidates), generator)
+            posterior.set_flat(tensors["posterior"])
+            truth = PosteriorTruth(posterior, tuple(header["kept"]))
+    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
+        raise UserError(f"{path}: no readable demonstrators ({error}); reinstall the package") from None
+    return Demonstrators(recipe, policies, truth, header["report"])
+
+
+def cached_demonstrators(kind: Kind) -> Demonstrators:
+    """The set that comes with the package."""
+    folder = files("msrd_ros.experiments.inverted_pendulum") / "data"
+    return load_demonstrators(Path(str(folder / f"{kind.value}.safetensors")))

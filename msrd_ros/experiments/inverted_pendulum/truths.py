@@ -1,0 +1,155 @@
+"""What the demonstrators really prefer: the strategy reward each of them was trained on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from msrd_ros.learning.kl_encouraged import pairwise_divergence
+from msrd_ros.learning.networks import BatchedMLP, Features
+from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.trajectories import Rollouts
+
+OBSERVATION_SCALES = (0.5, 0.3, 1.0, 2.0)
+
+
+def pendulum_features() -> Features:
+    """All four columns at a fixed scale: metres, radians and their rates at the size they move."""
+    return Features((0, 1, 2, 3), (0.0,) * 4, OBSERVATION_SCALES)
+
+
+def extrinsic(states: Tensor) -> Tensor:
+    """True task reward of states ``[..., 4]``: minus the pole's absolute angle."""
+    return -states[..., 1].abs()
+
+
+class StrategyTruth(Protocol):
+    """True strategy-only rewards."""
+
+    def table(self, states: Tensor) -> Tensor:
+        """Every strategy's true preference for ``states [N, 4]``, ``[S, N]``."""
+        ...
+
+
+@dataclass(frozen=True)
+class PosteriorTruth:
+    """DIAYN's pseudo-reward ``log q(z|s) - log p(z)`` of the kept strategies (paper, Equation 8).
+
+    Attributes
+    ----------
+    posterior
+        q over all candidates.
+    kept
+        Indices of the kept ones.
+    """
+
+    posterior: BatchedMLP
+    kept: tuple[int, ...]
+
+    @torch.no_grad()
+    def table(self, states: Tensor) -> Tensor:
+        """``[S, N]``."""
+        logits = self.posterior(pendulum_features()(states.unsqueeze(0)))[0]
+        log_q = torch.log_softmax(logits, dim=-1).T + math.log(self.posterior.sizes[-1])
+        return log_q[list(self.kept)]
+
+
+@dataclass(frozen=True)
+class DivergenceTruth:
+    """The bounded KL-encouraged reward among the kept strategies (paper, Equation 9).
+
+    Attributes
+    ----------
+    policies
+        The demonstrators themselves.
+    bound
+        Largest divergence of a pair that counts, in nats.
+    """
+
+    policies: GaussianPolicies
+    bound: float
+
+    def table(self, states: Tensor) -> Tensor:
+        """``[S, N]``."""
+        return pairwise_divergence(self.policies, states.unsqueeze(0), self.bound)
+
+
+@dataclass(frozen=True)
+class KnownPreferences:
+    """Preferences written down beforehand: the only truth that no network had a hand in.
+
+    Strategy i likes one column of the state, or its absolute value, near a target:
+    ``S_i(s) = -min(((s[column] - target) / width)^2, bound)``.
+
+    Attributes
+    ----------
+    columns, targets, widths
+        One per strategy.
+    absolute
+        Whether the column's absolute value is meant (a speed rather than a velocity).
+    bound
+        Where dislike stops growing.
+    """
+
+    columns: tuple[int, ...]
+    targets: tuple[float, ...]
+    widths: tuple[float, ...]
+    absolute: tuple[bool, ...]
+    bound: float = 4.0
+
+    def values(self, states: Tensor) -> Tensor:
+        """Row i of ``states [S, ..., 4]`` judged by strategy i, ``[S, ...]``."""
+        rows = []
+        for index, column in enumerate(self.columns):
+            value = states[index, ..., column]
+            value = value.abs() if self.absolute[index] else value
+            rows.append(-((value - self.targets[index]) / self.widths[index]).square().clamp(max=self.bound))
+        return torch.stack(rows)
+
+    def table(self, states: Tensor) -> Tensor:
+        """``[S, N]``."""
+        return self.values(states.unsqueeze(0).expand(len(self.columns), -1, -1))
+
+    @classmethod
+    def twenty(cls) -> KnownPreferences:
+        """12 cart positions, 4 sways (cart speeds, none too fast for the rail), 4 leans of the pole."""
+        positions = tuple(np.linspace(-0.66, 0.66, 12).round(3).tolist())
+        sways, leans = (0.15, 0.3, 0.45, 0.6), (-0.06, -0.03, 0.03, 0.06)
+        return cls(
+            (0,) * 12 + (2,) * 4 + (1,) * 4,
+            positions + sways + leans,
+            (0.2,) * 12 + (0.15,) * 4 + (0.03,) * 4,
+            (False,) * 12 + (True,) * 4 + (False,) * 4,
+        )
+
+
+class PreferenceReward:
+    """``R0(s') + weight * S_i(s')`` with a known S_i: the demonstrators of the exact truth.
+
+    Parameters
+    ----------
+    preferences
+        S_1..S_N.
+    weight
+        Weight alpha of the preference.
+    """
+
+    def __init__(self, preferences: KnownPreferences, weight: float) -> None:
+        self._preferences = preferences
+        self._weight = weight
+
+    def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
+        """Reward of every transition, ``[S, K, T]``."""
+        states = torch.as_tensor(rollouts.observations[:, :, 1:])
+        return extrinsic(states) + self._weight * self._preferences.values(states)
+
+
+def as_states(observations: NDArray[np.floating]) -> Tensor:
+    """Flatten observations ``[..., 4]`` to float32 states ``[N, 4]``."""
+    return torch.as_tensor(np.asarray(observations, dtype=np.float32)).reshape(-1, 4)

@@ -1,0 +1,98 @@
+"""Algorithm 1, line 10: from rewarded rollouts to better policies, whatever gave the reward."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from msrd_ros.learning.advantages import credit_passive_rewards, generalised_advantages
+from msrd_ros.learning.networks import Features
+from msrd_ros.learning.policies import Policies
+from msrd_ros.learning.trajectories import Rollouts
+from msrd_ros.learning.trpo import TrustRegionConfig, trust_region_step
+from msrd_ros.learning.value import ValueConfig, ValueFunctions
+
+
+class PolicyImprovement:
+    """Advantages, one trust-region step, and a better baseline for the next time.
+
+    Parameters
+    ----------
+    policies
+        The policies to improve, in place.
+    features
+        What the value functions see.
+    trust_region, value
+        Settings of the two.
+    discount, gae_decay
+        gamma and lambda of the advantages.
+    generator
+        Source of everything random.
+    """
+
+    def __init__(
+        self,
+        policies: Policies,
+        features: Features,
+        trust_region: TrustRegionConfig,
+        value: ValueConfig,
+        discount: float,
+        gae_decay: float,
+        generator: torch.Generator,
+    ) -> None:
+        self._policies = policies
+        self._trust_region = trust_region
+        self._discount = discount
+        self._gae_decay = gae_decay
+        self._generator = generator
+        self.value = ValueFunctions(policies.strategies, features, value, generator)
+
+    def improve(self, rollouts: Rollouts, reward: Tensor) -> dict[str, float]:
+        """One update.
+
+        Parameters
+        ----------
+        rollouts
+            Drawn by the current policies.
+        reward
+            ``[S, K, T]`` of every transition, passive ones included.
+
+        Returns
+        -------
+        dict
+            Mean KL moved, share of strategies that moved, entropy (nats), standardised value error.
+        """
+        discount = self._discount
+        strategies, episodes, acting = rollouts.actions.shape[:3]
+        horizon = rollouts.observations.shape[2] - 1
+        observations = torch.as_tensor(rollouts.observations[:, :, : acting + 1])
+        clock = (torch.arange(acting + 1) / horizon).expand(strategies, episodes, acting + 1)
+        states, times = observations[:, :, :acting].flatten(1, 2), clock[:, :, :acting].flatten(1, 2)
+        actions = torch.as_tensor(rollouts.actions).flatten(1, 2)
+        reward = credit_passive_rewards(reward, acting, discount)
+
+        if not self.value.fitted:
+            nothing = torch.zeros(strategies, episodes, acting + 1)
+            returns = generalised_advantages(reward, nothing, discount, 1.0)
+            self.value.fit(states, times, returns.flatten(1, 2))
+        values = self.value(observations.flatten(1, 2), clock.flatten(1, 2))
+        values = values.reshape(strategies, episodes, acting + 1)
+        if not self.value.config.bootstrap:
+            values[:, :, -1] = 0.0
+        advantages = generalised_advantages(reward, values, discount, self._gae_decay).flatten(1, 2)
+        deviation = advantages.std(dim=1, keepdim=True) + 1e-8
+        advantages = (advantages - advantages.mean(dim=1, keepdim=True)) / deviation
+
+        report = trust_region_step(
+            self._policies, states, actions, advantages, self._trust_region, self._generator
+        )
+        returns = generalised_advantages(reward, values, discount, 1.0) + values[:, :, :-1]
+        error = self.value.fit(states, times, returns.flatten(1, 2))
+        with torch.no_grad():
+            entropy = self._policies.entropy(self._policies.distribution(states[:, :1]))
+        return {
+            "kl": float(report.kl.mean()),
+            "steps_accepted": float(report.accepted.float().mean()),
+            "entropy": float(entropy.mean()),
+            "value_error": float(error.mean()),
+        }
