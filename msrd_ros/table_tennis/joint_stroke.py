@@ -19,6 +19,8 @@ from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
 
 Array = NDArray[np.float64]
 
+_SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
+
 
 class JointState(NamedTuple):
     """Joint angles (7,) in rad, their rates in rad/s and accelerations in rad/s^2."""
@@ -161,3 +163,27 @@ def stroke_from_rest(
     """A whole stroke: at rest in the ready pose (7,) until `swing_s` before the hit."""
     rest = JointState(np.array(ready_position, dtype=np.float64), np.zeros(7), np.zeros(7))
     return JointStroke(hit_time_s - swing_s, rest, hit_time_s, hit_position, hit_velocity, follow_s)
+
+
+@njit(cache=True, nogil=True)
+def _swing_peak(
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+    hit_position: Array,
+    hit_velocity: Array,
+    duration: float,
+) -> float:
+    peak = 0.0
+    for phase in range(1, 11):
+        _, speed, _ = swing_state(
+            position, velocity, acceleration, hit_position, hit_velocity, duration, phase / 10.0
+        )
+        peak = max(peak, np.max(np.abs(speed) / _SPEED_LIMIT))
+    return peak
+
+
+def swing_peak(stroke: JointStroke) -> float:
+    """Largest joint rate on the way to the hit, as a fraction of the speed limits; in microseconds."""
+    duration = stroke.hit_time_s - stroke.start_time_s
+    return float(_swing_peak(*stroke.start, stroke.hit_position, stroke.hit_velocity, duration))

@@ -117,9 +117,7 @@ def feed_path(feed: Feed, scene: NDArray[np.void]) -> Array:
     return ball_path(feed.state(), PATH_PERIOD_S, PATH_ROWS, scene)
 
 
-def wish_for(
-    label: StrategyLabel, config: PlannerConfig, posture: Array, posture_weight: float
-) -> HitWish:
+def wish_for(label: StrategyLabel, config: PlannerConfig, posture: Array, posture_weight: float) -> HitWish:
     """The hit that a stroke asks for, near to a posture (7,)."""
     return HitWish(
         face=face_sign(label.side),
