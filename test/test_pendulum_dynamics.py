@@ -93,7 +93,7 @@ def test_energy_is_only_lost() -> None:
     states = np.array([[0.0, 1.0, 0.0, 0.0]])
     energies = []
     for _ in range(6):
-        x, q, v, w = states[0]
+        _, q, v, w = states[0]
         angle, length = q + body.centre_angle_rad, body.centre_distance_m
         kinetic = 0.5 * body.cart_mass_kg * v**2 + 0.5 * body.pole_inertia_kg_m2 * w**2
         speed = np.array([v + length * w * np.cos(angle), -length * w * np.sin(angle)])

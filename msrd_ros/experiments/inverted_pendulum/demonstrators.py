@@ -179,7 +179,7 @@ def _fresh_policies(count: int, generator: torch.Generator) -> GaussianPolicies:
 
 
 def _settle_posterior(source: DiaynReward, policies: GaussianPolicies, seed: int) -> None:
-    """Bring q to rest on the finished policies, so that the truth is that of the demonstrators as they are."""
+    """Bring q to rest on the finished policies, so that the truth is theirs as they are."""
     played = BatchedCollector(InvertedPendulum(1000)).collect(policies, 4, np.random.default_rng([seed, 2]))
     states = torch.as_tensor(played.observations[:, :, 1:]).flatten(1, 2)
     for _ in range(40):

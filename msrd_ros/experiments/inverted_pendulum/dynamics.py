@@ -119,7 +119,8 @@ def acceleration(
     """Accelerations of cart (m/s^2) and pole (rad/s^2).
 
     Gauss's principle with soft limits: the accelerations minimise ``|a - a_free|_M^2`` plus, for each touched
-    limit that would be violated, ``(J a - wanted)^2 / R``; at most two limits, so a few Newton steps are exact.
+    limit that would be violated, ``(J a - wanted)^2 / R``; at most two limits, so a few Newton
+    steps are exact.
     """
     angle = hinge + body[3]
     moment = body[1] * body[2]

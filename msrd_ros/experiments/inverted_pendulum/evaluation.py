@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -152,30 +152,31 @@ class Scores:
 
 def evaluate(estimate: Estimate, test: TestSet) -> Scores:
     """Mark an estimate on a test set."""
-    task: tuple[float | None, ...] = (None, None, None, None)
+    scores = Scores(None, None, None, None, None, None, None, None)
     if estimate.task is not None:
         truth = task_reward(test.noisy[:, :, 1:]).mean(axis=2)
         found = mean_over(estimate.task, test.noisy)
         up = ~test.fallen
-        task = (
-            correlation(normalised(found), normalised(truth)),
-            correlation(found, truth),
-            correlation(found[up], truth[up]),
-            _unfallen_normalised(found, truth, up),
+        scores = replace(
+            scores,
+            task_r=correlation(normalised(found), normalised(truth)),
+            task_r_pooled=correlation(found, truth),
+            task_r_unfallen=correlation(found[up], truth[up]),
+            task_r_unfallen_normalised=_unfallen_normalised(found, truth, up),
         )
     if estimate.strategies is None:
-        return Scores(*task, None, None, None, None)
+        return scores
     clean = table_over(estimate.strategies, test.clean)
     strategies = clean.shape[0]
     flat = clean.reshape(strategies, -1)
     unfallen = table_over(estimate.strategies, test.unfallen)
     matrix = clean.mean(axis=2)
-    return Scores(
-        *task,
-        [correlation(flat[i], test.clean_truth[i]) for i in range(strategies)],
-        [correlation(unfallen[i], test.unfallen_truth[i]) for i in range(strategies)],
-        int((matrix.argmax(axis=1) == np.arange(strategies)).sum()),
-        matrix.tolist(),
+    return replace(
+        scores,
+        strategy_r=[correlation(flat[i], test.clean_truth[i]) for i in range(strategies)],
+        strategy_r_unfallen=[correlation(unfallen[i], test.unfallen_truth[i]) for i in range(strategies)],
+        diagonal=int((matrix.argmax(axis=1) == np.arange(strategies)).sum()),
+        matrix=matrix.tolist(),
     )
 
 
