@@ -145,8 +145,8 @@ def test_balls_take_the_same_path(comparison: Comparison) -> None:
         truth = comparison.bullet[index[0]][index[1]].ball[FIRST_ACTING_STEP + 1 :, :3]
         apart = np.linalg.norm(seen - truth, axis=1)
         first = int(hit_tick[index]) - FIRST_ACTING_STEP - 1 if struck[index] else 60
-        # Until the hit the same functions with steps of 1 and 5 ms; a bounce doubles the rounding.
-        assert apart[:first].max() < 1e-4
+        # Until the hit the same functions, with steps of 1 and 5 ms.
+        assert apart[:first].max() < 1e-5
         if struck[index]:
             after.append(apart[first + 10])
     assert np.median(after) < 0.002

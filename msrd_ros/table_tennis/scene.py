@@ -87,7 +87,7 @@ class Rubber:
 
 @dataclass(frozen=True)
 class Blade:
-    """The paddle's blade: a flat disk with rubber on both faces."""
+    """The paddle's blade: a flat disk with rubber on both faces; its rim rebounds like the rubber."""
 
     radius_m: float = BLADE_RADIUS_M
     thickness_m: float = BLADE_THICKNESS_M
