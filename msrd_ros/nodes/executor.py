@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PointStamped
 from numpy.typing import NDArray
-from sensor_msgs.msg import JointState
+from rclpy.time import Time
 from std_msgs.msg import Header, UInt8MultiArray
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -21,10 +20,11 @@ from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.facts.sawyer import JOINT_NAMES
-from msrd_ros.facts.translation import NANOSECONDS, JointStateTranslator, read_ball_position, stamp_to_ns
+from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
-from msrd_ros.nodes.common import COMMAND, LATCHED, STATE, StackNode, run, steady_timer
+from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
+from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.table_tennis.stroke_player import Phase, StrokePlayer
 
 START_UP_S = 3.0
@@ -63,17 +63,13 @@ class Executor(StackNode):
     def __init__(self) -> None:
         super().__init__("executor", ExecutorConfig)
         self._enabled = self.config.enabled
-        self._joints = JointStateTranslator()
         self._player: StrokePlayer | None = None
         self._policies: StrokePolicies | None = None
         self._arriving: StrokePolicies | None = None
         self._strategy: StrategyLabel | None = None
         self._wanted: StrategyLabel | None = None
         self._digest = ""
-        self._ball: tuple[NDArray[np.float64], int] | None = None
-        self._pending: JointState | None = None
-        self._has_new_ball = False
-        self._answered_ns = -1
+        self._acted_ns = -1
         self._heard_s = 0.0
         self._last_command: JointTrajectory | None = None
         self._strokes = 0
@@ -83,14 +79,13 @@ class Executor(StackNode):
             self._arriving = StrokePolicies.load(Path(self.config.checkpoint))
             self._digest = self._arriving.digest
         self._command = self.create_publisher(JointTrajectory, "joint_command", COMMAND)
-        # The ball first: within a tick it is sent first, and is then taken first.
-        self.create_subscription(PointStamped, "ball/position", self._on_ball, STATE)
-        self.create_subscription(JointState, "joint_states", self._on_joint_state, STATE)
+        lockstep = self.config.mode == "lockstep"
+        self._inputs = TickInputs(self, lockstep, self._act, self._send_again, self._refuse)
         self.create_subscription(Header, "strategy", self._on_strategy, LATCHED)
         if self.config.accept_policy:
             self.create_subscription(UInt8MultiArray, "policy", self._on_policy, LATCHED)
         self.create_service(SetBool, "~/enable", self._on_enable)
-        self._started_s = self._steady_s()
+        self._started_s = time.monotonic()
         self._look = steady_timer(self, 0.1, self._look_for_another_executor)
         if self.config.mode == "real_time":
             steady_timer(self, 0.02, self._watch)
@@ -111,7 +106,7 @@ class Executor(StackNode):
         try:
             self._wanted = StrategyLabel.parse(message.frame_id, "topic strategy")
         except UserError as error:
-            self._refuse(str(error))
+            self._refuse(error)
 
     def _on_policy(self, message: UInt8MultiArray) -> None:
         data = bytes(message.data)
@@ -121,29 +116,9 @@ class Executor(StackNode):
                 raise UserError(f"topic policy: layout.dim[0].label is {layout!r}, wanted is 'safetensors'")
             policies = StrokePolicies.from_bytes(data, "topic policy")
         except UserError as error:
-            self._refuse(str(error))
+            self._refuse(error)
             return
         self._arriving, self._digest = policies, policies.digest
-
-    def _on_ball(self, message: PointStamped) -> None:
-        try:
-            self._ball = read_ball_position(message), stamp_to_ns(message.header.stamp)
-        except UserError as error:
-            # The last good sample stays; a longer gap makes it stale and the arm stops.
-            self._refuse(str(error))
-        self._has_new_ball = True
-        self._act_if_complete()
-
-    def _on_joint_state(self, message: JointState) -> None:
-        self._heard_s = self._steady_s()
-        if stamp_to_ns(message.header.stamp) == self._answered_ns:
-            # The simulator asks again: its ball sample was the old one as well.
-            self._has_new_ball = False
-            if self._last_command is not None:
-                self._command.publish(self._last_command)
-            return
-        self._pending = message
-        self._act_if_complete()
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._enabled = request.data
@@ -153,37 +128,27 @@ class Executor(StackNode):
 
     # -- what goes out -------------------------------------------------------------------------
 
-    def _act_if_complete(self) -> None:
-        lockstep = self.config.mode == "lockstep"
-        if self._pending is None or self._ball is None or (lockstep and not self._has_new_ball):
-            return
-        message, self._pending, self._has_new_ball = self._pending, None, False
-        now_ns = stamp_to_ns(message.header.stamp)
-        period_ns = round(CONTROL_PERIOD_S * NANOSECONDS)
-        if not lockstep and 0 <= now_ns - self._answered_ns < 0.9 * period_ns:
-            return  # a driver that publishes faster than the control rate
-        try:
-            position, _ = self._joints.read(message)
-        except UserError as error:
-            self._refuse(str(error))
-            return
-        self._answered_ns = now_ns
-        self._send(self._decide(position, now_ns), message.header.stamp)
+    def _act(self, tick: TickInput) -> None:
+        self._heard_s = time.monotonic()
+        if self.config.mode == "real_time":
+            period_ns = round(CONTROL_PERIOD_S * NANOSECONDS)
+            if 0 <= tick.time_ns - self._acted_ns < 0.9 * period_ns:
+                return  # a driver that publishes faster than the control rate
+        self._acted_ns = tick.time_ns
+        self._send(self._decide(tick), Time(nanoseconds=tick.time_ns).to_msg())
 
-    def _decide(self, position: NDArray[np.float64], now_ns: int) -> JointReference:
-        player = self._follow(position)
+    def _decide(self, tick: TickInput) -> JointReference:
+        player = self._follow(tick.joint_position)
         self._adopt(player)
-        assert self._ball is not None
-        ball, ball_ns = self._ball
-        stale = now_ns - ball_ns > self.config.stale_timeout_s * NANOSECONDS
+        stale = tick.time_ns - tick.ball_stamp_ns > self.config.stale_timeout_s * NANOSECONDS
         if not self._enabled or (stale and player.phase is Phase.STROKE):
             self._counts["stops"] += 1
             return player.hold()
         try:
-            return player.tick(position, ball, ball_ns)
+            return player.tick(tick.joint_position, tick.ball_position, tick.ball_stamp_ns)
         except UserError as error:
             self._counts["stops"] += 1
-            self._refuse(f"{error} (strategy {self._strategy})")
+            self._refuse(UserError(f"{error} (strategy {self._strategy})"))
             return player.hold()
 
     def _follow(self, position: NDArray[np.float64]) -> StrokePlayer:
@@ -193,7 +158,11 @@ class Executor(StackNode):
             if error.max() <= self.config.tracking_tolerance_rad:
                 return self._player
             joint = JOINT_NAMES[int(error.argmax())]
-            self._refuse(f"joint {joint} is {error.max():.2f} rad from its command; starting anew from there")
+            self._refuse(
+                UserError(
+                    f"joint {joint} is {error.max():.2f} rad from its command; starting anew from there"
+                )
+            )
         self._player = StrokePlayer(position)
         self._strategy = None
         return self._player
@@ -214,7 +183,7 @@ class Executor(StackNode):
         try:
             facts = self._policies.require(self._wanted)
         except UserError as error:
-            self._refuse(str(error))
+            self._refuse(error)
             self._wanted = None
             return
         self._strategy = self._wanted
@@ -230,22 +199,26 @@ class Executor(StackNode):
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
         command = command_to_message(reference, self._strategy, stamp, CONTROL_PERIOD_S)
-        self._command.publish(command)
         self._last_command = command
+        self._send_again()
         self._counts["commands"] += 1
+
+    def _send_again(self) -> None:
+        if self._last_command is not None:
+            self._command.publish(self._last_command)
 
     # -- watchdogs -----------------------------------------------------------------------------
 
     def _watch(self) -> None:
         """Bring the arm to rest when joint states stay away; runs on the steady clock."""
-        if self._player is None or self._steady_s() - self._heard_s < self.config.stale_timeout_s:
+        if self._player is None or time.monotonic() - self._heard_s < self.config.stale_timeout_s:
             return
         if np.any(self._player.reference.velocity):
             self._counts["stops"] += 1
             self._send(self._player.hold(), self.get_clock().now().to_msg())
 
     def _look_for_another_executor(self) -> None:
-        if self._steady_s() - self._started_s > START_UP_S:
+        if time.monotonic() - self._started_s > START_UP_S:
             self._look.cancel()
         if self.count_publishers("joint_command") > 1:
             topic = self.resolve_topic_name("joint_command")
@@ -255,13 +228,9 @@ class Executor(StackNode):
                 f"stop it first, or start this executor in a namespace of its own"
             )
 
-    def _refuse(self, reason: str) -> None:
+    def _refuse(self, reason: UserError) -> None:
         self._counts["refused"] += 1
-        self.get_logger().error(reason, throttle_duration_sec=1.0)
-
-    @staticmethod
-    def _steady_s() -> float:
-        return time.monotonic()
+        self.get_logger().error(str(reason), throttle_duration_sec=1.0)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -251,7 +251,6 @@ class Simulator(StackNode):
             response.success, response.message = False, "a ball is in play; ask again after it"
             return response
         self._world.set_teaching(request.data)
-        self._tick()
         response.success = True
         response.message = "arm in zero-g, led by teach/hand" if request.data else "arm follows joint_command"
         return response
