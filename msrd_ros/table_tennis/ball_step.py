@@ -10,15 +10,9 @@ from msrd_ros.table_tennis.ball import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.contact import rebound_rigid, rebound_rubber
 from msrd_ros.table_tennis.referee import judge_flight, judge_touch
 from msrd_ros.table_tennis.scene import SceneConstants
-from msrd_ros.table_tennis.surfaces import (
-    FLOOR,
-    NET,
-    NO_CONTACT,
-    PADDLE,
+from msrd_ros.table_tennis.surfaces import FLOOR, NET, NO_CONTACT, PADDLE, TABLE, TABLE_SIDE, fixed_gap
+from msrd_ros.table_tennis.touch import (
     REST_SPEED,
-    TABLE,
-    TABLE_SIDE,
-    fixed_gap,
     fixed_touch,
     may_touch_fixed,
     may_touch_paddle,

@@ -1,4 +1,4 @@
-"""Rebounds: what a touch does to the ball. Where and when it touches is in `surfaces`.
+"""Rebounds: what a touch does to the ball. Where and when it touches is in `surfaces` and `touch`.
 
 Both laws act on a ball of nine floats in place, at a point of contact whose outward normal is (nx, ny, nz).
 Impulses act at the ball's surface, at -radius * normal from its centre; the ball is a thin shell.
