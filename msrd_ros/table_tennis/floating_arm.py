@@ -18,13 +18,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.facts.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
+from msrd_ros.facts.sawyer import JOINT_COUNT, TORQUE_LIMIT_NM
 from msrd_ros.table_tennis.dynamics import JOINT_FRICTION_NM_S, inverse_dynamics, mass_matrix
+from msrd_ros.table_tennis.joint_brake import brake_torques
 from msrd_ros.table_tennis.kinematics import paddle_jacobian
 
 Array = NDArray[np.float64]
-
-_SWEEPS = 40
 
 
 class Grip(NamedTuple):
@@ -54,34 +53,6 @@ class Floating(NamedTuple):
 def _share(x: float, y: float, z: float, most: float) -> float:
     size = math.sqrt(x * x + y * y + z * z)
     return most / size if size > most else 1.0
-
-
-@njit(cache=True, nogil=True)
-def _brake(
-    coming: Array, mobility: Array, motor: Array, damping: Array, brake_from: float, brake_full: float
-) -> Array:
-    """Brake torques (7,) by projected Gauss-Seidel; `coming` (7,) becomes the rates that they leave."""
-    brake = np.zeros(JOINT_COUNT)
-    for _ in range(_SWEEPS):
-        largest = 0.0
-        for joint in range(JOINT_COUNT):
-            own = mobility[joint, joint]
-            soft = brake_from * SPEED_LIMIT_RAD_S[joint]
-            slope = TORQUE_LIMIT_NM[joint] / ((brake_full - brake_from) * SPEED_LIMIT_RAD_S[joint])
-            free = coming[joint] - own * brake[joint]
-            excess = max(abs(free) - soft, 0.0)
-            wanted = -math.copysign(slope * excess / (1.0 + slope * own), free)
-            # What the motor has left beside carrying and damping.
-            busy = motor[joint] - damping[joint] * coming[joint]
-            limit = TORQUE_LIMIT_NM[joint]
-            wanted = min(max(busy + wanted, -limit), limit) - busy if excess > 0.0 else 0.0
-            change = wanted - brake[joint]
-            coming += mobility[:, joint] * change
-            brake[joint] = wanted
-            largest = max(largest, abs(change))
-        if largest < 1e-6:
-            break
-    return brake
 
 
 @njit(cache=True, nogil=True)
@@ -132,7 +103,7 @@ def float_step(
         heavy = inertia + step * (pull @ jacobian + stopping)
         for joint in range(JOINT_COUNT):
             heavy[joint, joint] += step * damping[joint]
-        mobility = step * np.linalg.inv(heavy)
+        mobility[:] = step * np.linalg.inv(heavy)
         drive = jacobian.T @ (stiffness * lead + resistance * twist)
         coming = mobility @ (inertia @ velocity / step + drive)
         # A hand at the end of its strength is a hand with a softer grip.
@@ -144,7 +115,7 @@ def float_step(
         torque_share *= torque
         if force > 0.999 and torque > 0.999:
             break
-    brake = _brake(coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
+    brake = brake_torques(coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
     going = jacobian @ coming
     wrench = stiffness * (lead - step * going) + resistance * (twist - going)
     wrench[:3] *= _share(wrench[0], wrench[1], wrench[2], grip.force_limit)

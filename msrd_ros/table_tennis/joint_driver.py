@@ -1,14 +1,13 @@
 """The driver of the arm's joints: what a real arm's own controller does with `joint_command`.
 
-Each millisecond the reference moves on the cubic that leads from where it is to the commanded state
-(the quadratic of constant acceleration, for a command that came out of `shape_command`), within the
-limits of speed, acceleration and position whatever was commanded. When a command is used up, the
-reference decelerates to a hold. Torques are computed from the robot's model of itself plus a
-proportional-derivative correction, clipped to the torque limits.
+Each millisecond it moves the reference along the command (`joint_reference`), and computes the torques
+that follow it from the robot's model of itself plus a proportional-derivative correction, within the
+torque limits. When a command is used up, the reference decelerates to a hold.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,120 +15,48 @@ from numba import njit
 from numpy.typing import NDArray
 
 from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.motion_limits import (
-    ACCELERATION_LIMIT_RAD_S2,
-    POSITION_MARGIN_RAD,
-    JointReference,
-    next_velocity,
+from msrd_ros.facts.motion_limits import JointReference
+from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
+from msrd_ros.table_tennis.dynamics import (
+    GRAVITY_M_S2,
+    JOINT_FRICTION_NM_S,
+    inverse_dynamics,
+    inverse_dynamics_into,
 )
-from msrd_ros.facts.sawyer import (
-    JOINT_COUNT,
-    JOINT_NAMES,
-    POSITION_LOWER_RAD,
-    POSITION_UPPER_RAD,
-    SPEED_LIMIT_RAD_S,
-    TORQUE_LIMIT_NM,
-)
-from msrd_ros.table_tennis.dynamics import GRAVITY_M_S2, JOINT_FRICTION_NM_S, inverse_dynamics_into
+from msrd_ros.table_tennis.joint_reference import HIGHEST_RAD, LOWEST_RAD, move_reference
+from msrd_ros.table_tennis.keep_out import obstacle
+from msrd_ros.table_tennis.scene import Table
 
 Array = NDArray[np.float64]
 
-_LOWER = POSITION_LOWER_RAD + POSITION_MARGIN_RAD
-_UPPER = POSITION_UPPER_RAD - POSITION_MARGIN_RAD
-_ARRIVED = 1e-6
-"""Rounding left between reference and command in rad and rad/s, below which they are made equal."""
+FOLLOWING_ERROR_RAD = 0.1
+"""A joint so far from its reference has met something: the reference then starts anew from the arm."""
 
 
 @dataclass(frozen=True)
 class DriverGains:
     """Correction of tracking errors as accelerations, so that every joint is equally stiff.
 
-    `stiffness_1_s2` per rad of error, `damping_1_s` per rad/s; critically damped by default.
+    Attributes
+    ----------
+    stiffness_1_s2, damping_1_s
+        Per rad of error and per rad/s; critically damped by default.
+    catch_up_1_s
+        How fast a reference that the limits held back closes up to the commanded curve.
     """
 
     stiffness_1_s2: float = 10_000.0
     damping_1_s: float = 200.0
     catch_up_1_s: float = 50.0
-    """How fast a reference that the limits held back closes up to the commanded curve."""
-
-
-@njit(cache=True, nogil=True)
-def move_reference(
-    position: Array,
-    velocity: Array,
-    start_position: Array,
-    start_velocity: Array,
-    goal_position: Array,
-    goal_velocity: Array,
-    elapsed: float,
-    period: float,
-    step: float,
-    catch_up: float,
-) -> None:
-    """Move the reference, in place, by one `step` to the time `elapsed` of a command of `period` seconds.
-
-    Parameters
-    ----------
-    position, velocity
-        The reference, shape (7,); changed.
-    start_position, start_velocity, goal_position, goal_velocity
-        Both ends of the command's cubic, shape (7,).
-    elapsed
-        Since the command's start, at the end of this step, s. Past `period` the reference comes to rest.
-    period, step
-        Seconds.
-    catch_up
-        Gain 1/s on the distance between reference and cubic.
-    """
-    active = elapsed <= period + 0.5 * step
-    s = min(elapsed / period, 1.0)
-    for joint in range(JOINT_COUNT):
-        wanted = 0.0
-        if active:
-            p0, p1 = start_position[joint], goal_position[joint]
-            m0, m1 = start_velocity[joint] * period, goal_velocity[joint] * period
-            # Hermite cubic about its start, so that a quadratic comes out without rounding noise.
-            b = 3.0 * (p1 - p0) - 2.0 * m0 - m1
-            c = m0 + m1 - 2.0 * (p1 - p0)
-            curve = p0 + s * (m0 + s * (b + s * c))
-            slope = (m0 + s * (2.0 * b + s * 3.0 * c)) / period
-            behind = curve - position[joint] - 0.5 * (velocity[joint] + slope) * step
-            wanted = slope + catch_up * behind
-        faster = next_velocity(
-            position[joint],
-            velocity[joint],
-            wanted,
-            _LOWER[joint],
-            _UPPER[joint],
-            SPEED_LIMIT_RAD_S[joint],
-            ACCELERATION_LIMIT_RAD_S2[joint],
-            step,
-        )
-        position[joint] += 0.5 * (velocity[joint] + faster) * step
-        velocity[joint] = faster
-    if active and s == 1.0:
-        _land(position, velocity, goal_position, goal_velocity)
-
-
-@njit(cache=True, nogil=True)
-def _land(position: Array, velocity: Array, goal_position: Array, goal_velocity: Array) -> None:
-    """Take rounding away at the end of a command that was followed to the end."""
-    for joint in range(JOINT_COUNT):
-        if (
-            abs(position[joint] - goal_position[joint]) < _ARRIVED
-            and abs(velocity[joint] - goal_velocity[joint]) < _ARRIVED
-        ):
-            position[joint] = goal_position[joint]
-            velocity[joint] = goal_velocity[joint]
 
 
 @njit(cache=True, nogil=True)
 def computed_torque(
     measured_position: Array,
     measured_velocity: Array,
-    reference_before: Array,
-    reference_now: Array,
-    reference_next: Array,
+    before: Array,
+    now: Array,
+    ahead: Array,
     step: float,
     stiffness: float,
     damping: float,
@@ -144,7 +71,7 @@ def computed_torque(
     ----------
     measured_position, measured_velocity
         State of the joints now, shape (7,), rad and rad/s.
-    reference_before, reference_now, reference_next
+    before, now, ahead
         Reference positions one step ago, now and one step ahead, shape (7,), rad.
     step
         Seconds.
@@ -153,85 +80,87 @@ def computed_torque(
     """
     wanted = np.empty(JOINT_COUNT)
     for joint in range(JOINT_COUNT):
-        last = (reference_now[joint] - reference_before[joint]) / step
-        coming = (reference_next[joint] - reference_now[joint]) / step
-        wanted[joint] = (
+        last = (now[joint] - before[joint]) / step
+        coming = (ahead[joint] - now[joint]) / step
+        change = (
             (coming - last) / step
-            + stiffness * (reference_now[joint] - measured_position[joint])
+            + stiffness * (now[joint] - measured_position[joint])
             + damping * (last - measured_velocity[joint])
         )
+        # The correction may not carry a joint over its speed limit either.
+        limit = SPEED_LIMIT_RAD_S[joint]
+        highest = (limit - measured_velocity[joint]) / step
+        lowest = (-limit - measured_velocity[joint]) / step
+        wanted[joint] = min(max(change, lowest), highest)
     inverse_dynamics_into(measured_position, measured_velocity, wanted, GRAVITY_M_S2, torque)
+    needed = JOINT_FRICTION_NM_S * measured_velocity
+    needed += torque
+    if np.any(np.abs(needed) > TORQUE_LIMIT_NM):
+        _spread(measured_position, measured_velocity, needed)
+    torque[:] = np.minimum(np.maximum(needed, -TORQUE_LIMIT_NM), TORQUE_LIMIT_NM)
+
+
+@njit(cache=True, nogil=True)
+def _spread(position: Array, velocity: Array, torque: Array) -> None:
+    """Scale down, in place, what `torque` (7,) spends on accelerating, until the limits allow it.
+
+    All joints then accelerate by the same share of what was wanted. If only the saturated ones gave less,
+    the reaction of the others would make them run away.
+    """
+    bias = inverse_dynamics(position, velocity, np.zeros(JOINT_COUNT)) + JOINT_FRICTION_NM_S * velocity
+    share = 1.0
     for joint in range(JOINT_COUNT):
-        limit = TORQUE_LIMIT_NM[joint]
-        wanted_torque = torque[joint] + JOINT_FRICTION_NM_S[joint] * measured_velocity[joint]
-        torque[joint] = min(max(wanted_torque, -limit), limit)
+        effort = torque[joint] - bias[joint]
+        room = TORQUE_LIMIT_NM[joint] - math.copysign(bias[joint], effort * bias[joint])
+        if abs(effort) * share > room:
+            share = max(room, 0.0) / abs(effort)
+    torque[:] = bias + share * (torque - bias)
 
 
 @njit(cache=True, nogil=True)
 def drive(
     measured_position: Array,
     measured_velocity: Array,
-    reference: Array,
+    before: Array,
+    state: Array,
     command: Array,
     elapsed: float,
     period: float,
     step: float,
     gains: Array,
+    table: Array,
+    carefree: Array,
     torque: Array,
-) -> bool:
+) -> None:
     """One step of the driver: move the reference and write the torques.
 
     Parameters
     ----------
     measured_position, measured_velocity
         Shape (7,).
-    reference
-        Rows: position one step ago, position, velocity; shape (3, 7), changed.
-    command
-        Rows: start position, start velocity, goal position, goal velocity; shape (4, 7).
-    elapsed
-        Of the command, at the end of this step; larger than `period` when it is used up.
+    before
+        Reference position one step ago, shape (7,); changed.
+    state, command, elapsed, period, step, table, carefree
+        As of `move_reference`.
     gains
         Stiffness, damping, catch-up, shape (3,).
     torque
         Written, shape (7,).
-
-    Returns
-    -------
-    bool
-        Whether the reference stands still after this step.
     """
-    before = reference[0].copy()
-    now = reference[1].copy()
-    move_reference(
-        reference[1],
-        reference[2],
-        command[0],
-        command[1],
-        command[2],
-        command[3],
-        elapsed,
-        period,
-        step,
-        gains[2],
-    )
+    now = state[0].copy()
+    move_reference(state, command, elapsed, period, step, gains[2], table, carefree)
     computed_torque(
         measured_position,
         measured_velocity,
         before,
         now,
-        reference[1],
+        state[0],
         step,
         gains[0],
         gains[1],
         torque,
     )
-    reference[0] = now
-    still = True
-    for joint in range(JOINT_COUNT):
-        if reference[2, joint] != 0.0 or reference[1, joint] != now[joint]:
-            still = False
-    return still
+    before[:] = now
 
 
 class JointDriver:
@@ -241,13 +170,20 @@ class JointDriver:
     ----------
     step_s
         Period of the torque loop.
+    table
+        To be kept clear of.
+    gains
+        Of the correction.
     """
 
-    def __init__(self, step_s: float, gains: DriverGains | None = None) -> None:
+    def __init__(self, step_s: float, table: Table, gains: DriverGains | None = None) -> None:
         gains = gains or DriverGains()
         self._gains = np.array([gains.stiffness_1_s2, gains.damping_1_s, gains.catch_up_1_s])
         self._step_s = step_s
-        self._reference = np.zeros((3, JOINT_COUNT))
+        self._table = obstacle(table)
+        self._carefree = np.zeros(1)
+        self._before = np.zeros(JOINT_COUNT)
+        self._state = np.zeros((2, JOINT_COUNT))
         self._command = np.zeros((4, JOINT_COUNT))
         self._steps_left = 0
         self._steps = 1
@@ -256,7 +192,7 @@ class JointDriver:
     @property
     def reference(self) -> JointReference:
         """Where the joints shall be now."""
-        return JointReference(self._reference[1].copy(), self._reference[2].copy())
+        return JointReference(self._state[0].copy(), self._state[1].copy())
 
     @property
     def has_command(self) -> bool:
@@ -265,12 +201,13 @@ class JointDriver:
 
     def hold_at(self, position: Array, velocity: Array | None = None) -> None:
         """Forget any command; the reference is at `position` (7,), and comes to rest if it moves."""
-        self._reference[0] = position
-        self._reference[1] = position
-        self._reference[2] = 0.0 if velocity is None else velocity
+        self._before[:] = self._state[0] = position
+        self._state[1] = 0.0
         if velocity is not None:
-            self._reference[0] -= self._step_s * velocity
+            self._state[1] = np.clip(velocity, -SPEED_LIMIT_RAD_S, SPEED_LIMIT_RAD_S)
+            self._before -= self._step_s * self._state[1]
         self._steps_left = 0
+        self._carefree[0] = 0.0
         self.reference_rests = velocity is None
 
     def command(self, position: Array, velocity: Array, period_s: float) -> None:
@@ -288,31 +225,38 @@ class JointDriver:
             joint = JOINT_NAMES[int(np.argwhere(~np.isfinite(goal))[0][1])]
             raise UserError(f"command for joint {joint} is not a finite number; the command is ignored")
         steps = round(period_s / self._step_s) if np.isfinite(period_s) else 0
-        goal[0].clip(_LOWER, _UPPER, out=goal[0])
+        goal[0].clip(LOWEST_RAD, HIGHEST_RAD, out=goal[0])
         goal[1].clip(-SPEED_LIMIT_RAD_S, SPEED_LIMIT_RAD_S, out=goal[1])
         if steps < 1:
             raise UserError(f"command period is {period_s} s; send at least {self._step_s} s")
-        if self.reference_rests and np.array_equal(goal, self._reference[1:3]):
+        if self.reference_rests and np.array_equal(goal, self._state):
             return  # told to stay where it is: rest is not disturbed
-        self._command[0:2] = self._reference[1:3]
+        self._command[0:2] = self._state
         self._command[2:4] = goal
         self._steps = self._steps_left = steps
         self.reference_rests = False
 
     def torque(self, position: Array, velocity: Array, torque: Array) -> None:
         """Write the torques (7,) for the coming step, given the measured state (7,), into `torque`."""
+        if np.abs(self._state[0] - position).max() > FOLLOWING_ERROR_RAD:
+            # Something is in the way: start anew from where the arm is, as a colliding robot stops.
+            self.hold_at(position, velocity)
         done = self._steps - self._steps_left + 1 if self._steps_left else self._steps + 1
-        still = drive(
+        drive(
             position,
             velocity,
-            self._reference,
+            self._before,
+            self._state,
             self._command,
             done * self._step_s,
             self._steps * self._step_s,
             self._step_s,
             self._gains,
+            self._table,
+            self._carefree,
             torque,
         )
         if self._steps_left:
             self._steps_left -= 1
+        still = not self._state[1].any() and np.array_equal(self._before, self._state[0])
         self.reference_rests = still and not self._steps_left

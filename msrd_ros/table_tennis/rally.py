@@ -107,7 +107,7 @@ class Rally:
         self._scene = BulletScene(self._client, self.config.scene, visible=gui)
         self._arm = BulletArm(self._client, self.config.arm)
         self._constants = self.config.scene.constants()
-        self._driver = JointDriver(STEP_S, self.config.driver)
+        self._driver = JointDriver(STEP_S, self.config.scene.table, self.config.driver)
         self._guidance = HandGuidance(self.config.guidance, STEP_S)
         self._teaching = False
         self._resting = True
