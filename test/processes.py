@@ -130,6 +130,10 @@ class RunningProcess:
         self._reader.join(timeout_s)
         return code
 
+    def send_signal(self, signal_number: int) -> None:
+        """Send a signal and go on."""
+        self._process.send_signal(signal_number)
+
     def stop(self, signal_number: int = signal.SIGINT, timeout_s: float = STOP_TIMEOUT_S) -> int:
         """Ask the process to stop; its exit status."""
         self._process.send_signal(signal_number)

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from msrd_ros.bags.inspection import InspectionLimits, inspect
 from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.schemas import deserialise
-from msrd_ros.bags.strokes import CutSettings, split_strokes
+from msrd_ros.bags.stroke_buffer import split_strokes
+from msrd_ros.bags.strokes import CutSettings
 from msrd_ros.bags.topics import BALL_POSITION, CONTRACT, JOINT_STATES, OUTCOME, BagMessage
 from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.errors import UserError

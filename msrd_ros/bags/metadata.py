@@ -158,7 +158,7 @@ def build_metadata(
                 "message_count": len(messages),
             }
         ],
-        "custom_data": dict(custom_data),
+        "custom_data": {str(key): str(value) for key, value in custom_data.items()},
         "ros_distro": ROS_DISTRO,
     }
 

@@ -124,6 +124,18 @@ def remove_leftovers(root: Path) -> int:
     return removed
 
 
+def set_aside(root: Path, path: Path) -> Path:
+    """Move a bag to ``<root>/.discarded/<subject>/``, where no library looks; returns its new directory."""
+    folder = root / ".discarded" / path.parent.name
+    _make_folder(folder)
+    target = folder / path.name
+    while target.exists():
+        target = folder / f"{path.name}-{secrets.token_hex(4)}"
+    path.rename(target)
+    _sync_folder(path.parent)
+    return target
+
+
 def _is_running(pid: int) -> bool:
     try:
         os.kill(pid, 0)

@@ -1,0 +1,139 @@
+"""Keeping what comes in until a stroke can be cut out of it."""
+
+from __future__ import annotations
+
+import bisect
+from collections import deque
+from collections.abc import Iterable
+
+from msrd_ros.bags.cdr import read_stamp_ns
+from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke
+from msrd_ros.bags.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
+
+_QUIET_TICKS = 3
+_RESET_NS = 500_000_000
+_SIMULATED_NS = 10_000_000_000
+
+
+class StrokeBuffer:
+    """Holds what came in until a stroke can be cut.
+
+    Topics reach a process out of step: an outcome may come before joint states that were sent earlier. So
+    a stroke counts as settled when every state topic has gone past the outcome, or nothing has come for
+    some ticks of the caller's timer.
+
+    Stamps of `joint_states` that are far from the wall clock tell of simulated time. The stroke's order is
+    then the order of sending, and its clock those stamps: exact, however late the recorder got to run.
+    """
+
+    def __init__(self, settings: CutSettings) -> None:
+        self._settings = settings
+        self._arrivals: deque[Arrival] = deque()
+        self._feeds: deque[Arrival] = deque()
+        self._outcomes: deque[Arrival] = deque()
+        self._strategy: Arrival | None = None
+        self._newest_ns: dict[str, int] = {}
+        self._simulated = False
+        self._stamp_ns = 0
+        self._quiet_ticks = 0
+        self.expired_feeds = 0
+
+    @property
+    def under_way(self) -> bool:
+        """Whether a ball has been fed and is not decided, or is decided and not yet cut."""
+        return bool(self._feeds) or bool(self._outcomes)
+
+    @property
+    def pending(self) -> bool:
+        """Whether an outcome waits to be cut."""
+        return bool(self._outcomes)
+
+    def add(self, arrival: Arrival) -> None:
+        """Take a message of a topic that is to be recorded."""
+        self._quiet_ticks = 0
+        if arrival.role in STATES:
+            self._newest_ns[arrival.role] = arrival.received_ns
+        if arrival.role == JOINT_STATES:
+            self._watch_clock(arrival)
+        elif arrival.role == FEED:
+            self._feeds.append(arrival)
+        elif arrival.role == OUTCOME:
+            self._outcomes.append(arrival)
+        if arrival.role != FEED:
+            self._arrivals.append(arrival)
+        self._trim(arrival.received_ns)
+
+    def tick(self) -> None:
+        """Tell that time has passed; messages that were waiting have been taken in between."""
+        self._quiet_ticks += 1
+
+    def settled(self) -> bool:
+        """Whether the oldest pending outcome can be cut."""
+        if not self._outcomes:
+            return False
+        if len(self._outcomes) > 1 or self._quiet_ticks >= _QUIET_TICKS:
+            return True
+        past_ns = self._outcomes[0].received_ns + int(self._settings.settle_s * 1e9)
+        return all(self._newest_ns.get(role, 0) >= past_ns for role in STATES)
+
+    def cut(self) -> Stroke:
+        """Take the stroke of the oldest pending outcome out of the buffer."""
+        outcome = self._outcomes.popleft()
+        end = self._key(outcome)
+        # Balls are decided in the order in which they were fed.
+        feed = self._feeds.popleft() if self._feeds and self._key(self._feeds[0]) <= end else None
+        inside = sorted(
+            (a for a in self._arrivals if self._key(a) <= end and a is not outcome), key=self._key
+        )
+        if feed is not None:
+            bisect.insort(inside, feed, key=self._key)
+        inside.append(outcome)
+        stroke = cut_stroke(inside, self._strategy, self._simulated, self._settings)
+        self._remember_strategy(inside)
+        self._arrivals = deque(arrival for arrival in self._arrivals if self._key(arrival) > end)
+        return stroke
+
+    def discard(self) -> None:
+        """Drop the stroke under way; the strategy stays."""
+        self._remember_strategy(self._arrivals)
+        self._arrivals.clear()
+        self._feeds.clear()
+        self._outcomes.clear()
+
+    def _key(self, arrival: Arrival) -> int:
+        return arrival.sent_ns if self._simulated else arrival.received_ns
+
+    def _watch_clock(self, arrival: Arrival) -> None:
+        stamp_ns = read_stamp_ns(arrival.data)
+        self._simulated = abs(stamp_ns - arrival.received_ns) > _SIMULATED_NS
+        if self._simulated and stamp_ns < self._stamp_ns - _RESET_NS:
+            self.discard()  # simulated time that jumps back begins a new world
+        self._stamp_ns = stamp_ns
+
+    def _remember_strategy(self, arrivals: Iterable[Arrival]) -> None:
+        for arrival in arrivals:
+            if arrival.role == STRATEGY:
+                self._strategy = arrival
+
+    def _trim(self, now_ns: int) -> None:
+        if self._outcomes:
+            return
+        given_up_ns = now_ns - int(self._settings.longest_s * 1e9)
+        while self._feeds and self._feeds[0].received_ns < given_up_ns:
+            self._feeds.popleft()
+            self.expired_feeds += 1
+        oldest_ns = given_up_ns if self._feeds else now_ns - int(self._settings.unfed_s * 1e9)
+        while self._arrivals and self._arrivals[0].received_ns < oldest_ns:
+            self._remember_strategy([self._arrivals.popleft()])
+
+
+def split_strokes(messages: Iterable[BagMessage], settings: CutSettings) -> list[Stroke]:
+    """Cut the strokes of a longer recording; topics are relative names, log times in order."""
+    strokes: list[Stroke] = []
+    buffer = StrokeBuffer(settings)
+    for message in messages:
+        time_ns = message.log_time_ns
+        buffer.add(Arrival(message.topic, message.data, time_ns, time_ns, message.sequence))
+        if message.topic == OUTCOME:
+            strokes.append(buffer.cut())
+    return strokes

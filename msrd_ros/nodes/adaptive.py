@@ -1,0 +1,138 @@
+"""Subscriptions that adapt to what publishers offer, as rosbag2's do, and count what goes missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+
+class Received(NamedTuple):
+    """A message as the middleware handed it over.
+
+    Attributes
+    ----------
+    message
+        The message, or its bytes from a raw subscription.
+    received_ns, sent_ns
+        Wall time of reception and of sending in nanoseconds.
+    sequence
+        The publisher's number of it.
+    lost_before
+        How many messages of the publisher went missing right before it.
+    """
+
+    message: Any
+    received_ns: int
+    sent_ns: int
+    sequence: int
+    lost_before: int
+
+
+class LossCounter:
+    """Finds gaps in the sequence numbers of one publisher; a number that goes back is a new publisher."""
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._last: int | None = None
+
+    def add(self, sequence: int) -> int:
+        """How many messages are missing before this one."""
+        gap = 0 if self._last is None or sequence <= self._last else sequence - self._last - 1
+        self._last = sequence
+        self.lost += gap
+        return gap
+
+    def forget(self) -> None:
+        """Begin anew with the next number, as after a new subscription."""
+        self._last = None
+
+
+class AdaptiveSubscription:
+    """A subscription that is made again when publishers offer less, or more, than it asks for.
+
+    Parameters
+    ----------
+    node
+        The node that subscribes.
+    message_type, topic
+        What to subscribe to.
+    profile
+        The contract's quality of service, asked for until a publisher is there.
+    callback
+        Takes every message.
+    raw
+        Hand over bytes instead of messages.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: Any,
+        topic: str,
+        profile: QoSProfile,
+        callback: Callable[[Received], None],
+        raw: bool = False,
+    ) -> None:
+        self._node = node
+        self._message_type = message_type
+        self._topic = topic
+        self._depth = profile.depth
+        self._callback = callback
+        self._raw = raw
+        self._counter = LossCounter()
+        self._told = False
+        self.publishers = 0
+        self.reliable = profile.reliability == ReliabilityPolicy.RELIABLE
+        self._wants_latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self.latched = self._wants_latched
+        self._subscription = self._subscribe()
+
+    @property
+    def lost(self) -> int:
+        """Messages that went missing so far."""
+        return self._counter.lost
+
+    def adapt(self) -> None:
+        """Look at the publishers that are there, and ask for what all of them offer."""
+        infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)
+        self.publishers = len(infos)
+        if not infos:
+            return
+        reliable = [info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in infos]
+        latched = [info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in infos]
+        self._warn_of_mixture(reliable, latched)
+        # What was sent before is only wanted of latched topics; of states it would be history.
+        asked = all(reliable), self._wants_latched and all(latched)
+        if asked != (self.reliable, self.latched):
+            self.reliable, self.latched = asked
+            self._node.destroy_subscription(self._subscription)
+            self._counter.forget()
+            self._subscription = self._subscribe()
+
+    def _warn_of_mixture(self, reliable: list[bool], latched: list[bool]) -> None:
+        if (len(set(reliable)) > 1 or len(set(latched)) > 1) and not self._told:
+            self._told = True
+            self._node.get_logger().warning(
+                f"topic {self._subscription.topic_name}: its {len(reliable)} publishers offer different "
+                f"qualities of service; messages may be lost, so let one of them publish it"
+            )
+
+    def _subscribe(self) -> Any:
+        profile = QoSProfile(
+            depth=self._depth,
+            reliability=ReliabilityPolicy.RELIABLE if self.reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if self.latched else DurabilityPolicy.VOLATILE,
+        )
+        # rclpy's annotation knows only callbacks without the message's info.
+        take: Any = self._take
+        return self._node.create_subscription(self._message_type, self._topic, take, profile, raw=self._raw)
+
+    def _take(self, message: Any, info: dict[str, Any]) -> None:
+        sequence = info["publication_sequence_number"] or 0
+        # The numbers of several publishers cannot be told apart, so gaps between them mean nothing.
+        lost = self._counter.add(sequence) if sequence and self.publishers <= 1 else 0
+        received_ns = info["received_timestamp"] or info["source_timestamp"]
+        self._callback(Received(message, received_ns, info["source_timestamp"], sequence, lost))

@@ -1,0 +1,128 @@
+"""What the recorder subscribes to: the contract's topics as bytes, and the latched ones it remembers."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from msrd_ros.bags.schemas import describe_type
+from msrd_ros.bags.strokes import STATES, Arrival
+from msrd_ros.bags.topics import (
+    BALL_POSITION,
+    CONTRACT,
+    FEED,
+    JOINT_STATES,
+    OUTCOME,
+    ROBOT_DESCRIPTION,
+    STRATEGY,
+    TF_STATIC,
+    BagTopic,
+)
+from msrd_ros.facts.errors import UserError
+from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
+
+STREAMED = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)
+LATCHED = (ROBOT_DESCRIPTION, TF_STATIC)
+MOST_LATCHED = 50
+"""Latched messages of one topic that a bag carries; /tf_static may come from several publishers."""
+
+
+class RecorderInputs:
+    """The recorder's subscriptions.
+
+    Parameters
+    ----------
+    node
+        The node that subscribes.
+    extra_topics
+        Further topics: a name of the contract, or NAME=PACKAGE/msg/TYPE.
+    take
+        Gets every message but the latched ones.
+
+    Raises
+    ------
+    UserError
+        If an extra topic's type is not given, unknown or not installed.
+    """
+
+    def __init__(self, node: Node, extra_topics: list[str], take: Callable[[Arrival], None]) -> None:
+        self._node = node
+        self._take = take
+        self._subscriptions: dict[str, AdaptiveSubscription] = {}
+        self.topics: dict[str, BagTopic] = {}
+        self.latched: dict[str, list[bytes]] = {}
+        for role in STREAMED:
+            self._open(role, CONTRACT[role].type_name, partial(self._pass_on, role))
+        for role in LATCHED:
+            self._open(role, CONTRACT[role].type_name, partial(self._remember, role))
+        for entry in extra_topics:
+            name, _, type_name = entry.partition("=")
+            if not type_name and name in CONTRACT:
+                type_name = CONTRACT[name].type_name
+            if name not in self.topics:
+                self._open(name, type_name, partial(self._pass_on, name))
+
+    @property
+    def lost(self) -> int:
+        """Joint states and ball positions that went missing so far."""
+        return sum(self._subscriptions[role].lost for role in STATES)
+
+    def adapt(self) -> None:
+        """Follow what the publishers offer."""
+        for role, subscription in self._subscriptions.items():
+            subscription.adapt()
+            self.topics[role] = self.topics[role]._replace(reliable=subscription.reliable)
+
+    def _open(self, role: str, type_name: str, callback: Callable[[Received], None]) -> None:
+        facts = CONTRACT.get(role)
+        latched = facts is not None and facts.latched
+        depth = facts.depth if facts else CONTRACT[JOINT_STATES].depth
+        # A bag holds the contract's names in the node's namespace; what they are remapped to passes away.
+        full_name = self._node.resolve_topic_name(role, only_expand=True)
+        self.topics[role] = BagTopic(full_name, type_name, latched=latched, depth=depth)
+        message_type = _import_type(type_name, role)
+        if message_type is None:
+            return
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        profile = QoSProfile(depth=MOST_LATCHED if role == TF_STATIC else depth, durability=durability)
+        self._subscriptions[role] = AdaptiveSubscription(
+            self._node, message_type, role, profile, callback, raw=True
+        )
+
+    def _pass_on(self, role: str, received: Received) -> None:
+        self._take(
+            Arrival(
+                role,
+                received.message,
+                received.received_ns,
+                received.sent_ns,
+                received.sequence,
+                received.lost_before,
+            )
+        )
+
+    def _remember(self, role: str, received: Received) -> None:
+        earlier = self.latched.get(role, []) if role == TF_STATIC else []
+        newest = [*(data for data in earlier if data != received.message), received.message]
+        self.latched[role] = newest[-MOST_LATCHED:]
+
+
+def _import_type(type_name: str, role: str) -> Any:
+    """The class of a message type; None for /tf_static, whose type is part of no wheel."""
+    where = f"parameter extra_topics of recorder: {role}"
+    try:
+        describe_type(type_name)
+    except UserError as error:
+        raise UserError(f"{where}: {error}; write NAME=PACKAGE/msg/TYPE") from None
+    package, _, name = type_name.replace("/", ".").rpartition(".")
+    try:
+        return getattr(importlib.import_module(package), name)
+    except (ImportError, AttributeError):
+        if role in LATCHED:
+            return None
+        raise UserError(f"{where}: {type_name} is not installed; install it or leave the topic out") from None
