@@ -81,6 +81,8 @@ def test_session_gives_a_condition_up_after_the_cap() -> None:
         (Stroke.TOPSPIN, 110.0, None, 0.97, Verdict.KEPT),
         (Stroke.TOPSPIN, 110.0, None, 1.0101, Verdict.TOO_FAST),
         (Stroke.TOPSPIN, 20.0, None, 0.9, Verdict.WRONG_SPIN),
+        (Stroke.PUSH, 50.0, None, 0.9, Verdict.WRONG_SPIN),
+        (Stroke.SLICE, 100.0, None, 0.9, Verdict.WRONG_SPIN),
         (Stroke.PUSH, -6.0, None, 1.0099, Verdict.KEPT),
         (Stroke.SLICE, -100.0, MissReason.NET, 0.9, Verdict.NOT_RETURNED),
         (Stroke.SLICE, -100.0, None, 0.9, Verdict.KEPT),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from msrd_ros.table_tennis.ball import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.contact import rebound_rigid
+from msrd_ros.table_tennis.scene import SceneConstants
 
 Array = NDArray[np.float64]
 
@@ -22,12 +23,12 @@ _LONGEST_FLIGHT_S = 2.5
 
 
 @njit(cache=True, nogil=True)
-def _over_table(ball: Array, scene: np.void) -> bool:
+def _over_table(ball: Array, scene: SceneConstants) -> bool:
     return abs(ball[0]) < scene.table_half_length and abs(ball[1]) < scene.table_half_width
 
 
 @njit(cache=True, nogil=True)
-def _drop_time(ball: Array, height: float, scene: np.void, longest: float) -> float:
+def _drop_time(ball: Array, height: float, scene: SceneConstants, longest: float) -> float:
     """Seconds until a falling ball's centre is at `height`, which it reaches within `longest`."""
     time, probe = 0.0, ball.copy()
     for _ in range(4):

@@ -1,8 +1,8 @@
 """What a teacher makes of the camera's samples: an estimate of the whole flight, past and to come.
 
-A fed ball's launch state (position, velocity, spin) is fitted to all samples since it was first seen flying,
-by Gauss-Newton steps through the model of flight and bounce. The spin cannot be seen; it shows in the curve of
-the flight and in the bounce, and before that whoever knows the feeder expects its usual spin: a prior.
+A fed ball's launch state (position, velocity, spin) is fitted to all samples since it was first seen
+flying, by Gauss-Newton steps through the model of flight and bounce. The spin cannot be seen; it shows in the
+curve of the flight and in the bounce, and whoever knows the feeder expects its usual spin: a prior.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ class FlightEstimator:
         return self._launch
 
     def path(self) -> Array | None:
-        """Estimated path from the first sample on, shape (path_rows, 9), rows 5 ms apart, bounces included."""
+        """Estimated path from the first sample on, shape (path_rows, 9), rows 5 ms apart."""
         launch = self.estimate()
         if launch is None or not np.isfinite(launch).all():
             return None

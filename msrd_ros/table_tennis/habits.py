@@ -60,8 +60,8 @@ class PopulationConfig:
     swing_longest: float = 1.12
     ready_rad: float = 0.03
     skill_least: float = 0.8
-    slip_least: float = 0.1
-    slip_most: float = 0.3
+    slip_least: float = 0.12
+    slip_most: float = 0.4
     start_rad: float = 0.03
     stroke_timing_s: float = 0.006
     stroke_aim_rad: float = 0.03
@@ -125,9 +125,9 @@ class Slip(StrEnum):
     """The ball is not watched: the stroke is played as if it came as always."""
 
 
-_MISTIMED_S = (0.05, 0.10)
-_MISAIMED_RAD = (0.25, 0.45)
-_MISPLACED_M = (0.06, 0.12)
+_MISTIMED_S = (0.06, 0.12)
+_MISAIMED_RAD = (0.35, 0.6)
+_MISPLACED_M = (0.08, 0.14)
 _TREMOR_HZ = (0.8, 2.5)
 _TREMOR_WAVES = 3
 

@@ -1,7 +1,7 @@
 """Where a hand has to be so that the arm it leads is where it shall be.
 
-The hand holds the paddle by a spring-damper, so it must run ahead of the paddle by as much as the arm resists.
-Whoever has led this arm for a while knows how it resists; here that is the robot's own dynamics.
+The hand holds the paddle by a spring-damper, so it must run ahead of the paddle by as much as the arm
+resists. Whoever has led this arm for a while knows how it resists; here that is the robot's own dynamics.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ def leading_wrench(position: Array, velocity: Array, acceleration: Array, joint_
     gram = jacobian @ jacobian.T
     for row in range(6):
         gram[row, row] += 1e-6
-    return np.linalg.solve(gram, jacobian @ torque)
+    wrench = np.empty(6)
+    wrench[:] = np.linalg.solve(gram, jacobian @ torque)
+    return wrench
 
 
 @njit(cache=True, nogil=True)

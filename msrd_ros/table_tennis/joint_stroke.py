@@ -20,6 +20,7 @@ from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
 Array = NDArray[np.float64]
 
 _SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
+_ACCELERATION_LIMIT = ACCELERATION_LIMIT_RAD_S2.copy()
 
 
 class JointState(NamedTuple):
@@ -166,7 +167,7 @@ def stroke_from_rest(
 
 
 @njit(cache=True, nogil=True)
-def _swing_peak(
+def _swing_effort(
     position: Array,
     velocity: Array,
     acceleration: Array,
@@ -176,14 +177,14 @@ def _swing_peak(
 ) -> float:
     peak = 0.0
     for phase in range(1, 11):
-        _, speed, _ = swing_state(
+        _, speed, change = swing_state(
             position, velocity, acceleration, hit_position, hit_velocity, duration, phase / 10.0
         )
-        peak = max(peak, np.max(np.abs(speed) / _SPEED_LIMIT))
+        peak = max(peak, np.max(np.abs(speed) / _SPEED_LIMIT), np.max(np.abs(change) / _ACCELERATION_LIMIT))
     return peak
 
 
-def swing_peak(stroke: JointStroke) -> float:
-    """Largest joint rate on the way to the hit, as a fraction of the speed limits; in microseconds."""
+def swing_effort(stroke: JointStroke) -> float:
+    """Largest share of its speed or acceleration limit that a joint takes on the way to the hit."""
     duration = stroke.hit_time_s - stroke.start_time_s
-    return float(_swing_peak(*stroke.start, stroke.hit_position, stroke.hit_velocity, duration))
+    return float(_swing_effort(*stroke.start, stroke.hit_position, stroke.hit_velocity, duration))

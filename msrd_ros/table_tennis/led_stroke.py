@@ -15,11 +15,13 @@ from msrd_ros.table_tennis.flight_estimator import PATH_PERIOD_S, FlightEstimato
 from msrd_ros.table_tennis.habits import Flaws, Slip
 from msrd_ros.table_tennis.hand_lead import leading_hand, shifted_posture
 from msrd_ros.table_tennis.hit_solver import POSITION, RATE, TIME, HitWish, solve_hit
-from msrd_ros.table_tennis.joint_stroke import JointState, JointStroke, swing_peak
+from msrd_ros.table_tennis.joint_stroke import JointState, JointStroke, swing_effort
 from msrd_ros.table_tennis.teaching import GuidanceConfig, HandGesture
 
 Array = NDArray[np.float64]
 
+_SWAY_FADE_S = 0.2
+_SWING_FACTORS = (1.0, 1.2, 1.4, 1.6, 0.85)
 _SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
 
 
@@ -39,16 +41,19 @@ class AttentionConfig:
         Of the search for a hit, at each judgement.
     worst_cost
         A hit found that costs more than this is no good; the teacher sticks to the plan.
-    highest_rate
-        Largest joint rate on the way to a corrected hit, as a fraction of the speed limits.
+    comfortable
+        Effort (see `swing_effort`) up to which a swing keeps its usual duration.
+    hardest
+        Effort beyond which a correction is not made.
     """
 
     first_look_s: float = 0.24
     look_every_s: float = 0.04
     commit_s: float = 0.12
-    solver_steps: int = 5
+    solver_steps: int = 3
     worst_cost: float = 40.0
-    highest_rate: float = 0.92
+    comfortable: float = 0.88
+    hardest: float = 0.95
 
 
 @dataclass(frozen=True)
@@ -162,11 +167,14 @@ class LedStroke:
         return time_s - self._estimator.first_seen_s - self.flaws.delay_s
 
     def _sway(self, time_s: float) -> tuple[Array, Array]:
-        """The hand's unsteadiness, which sets in softly."""
-        since = max(self._own_time(time_s), 0.0)
-        size, rate = self.flaws.tremor(since)
-        fade = min(since / 0.3, 1.0)
-        return fade * size, fade * rate
+        """The hand's unsteadiness, which sets in with the swing and dies with the follow-through."""
+        assert self.stroke is not None
+        stroke, own = self.stroke, self._own_time(time_s)
+        size, rate = self.flaws.tremor(own)
+        fade = min((own - stroke.start_time_s) / _SWAY_FADE_S, (stroke.end_time_s - own) / _SWAY_FADE_S)
+        fade = min(max(fade, 0.0), 1.0)
+        smooth = fade * fade * (3.0 - 2.0 * fade)
+        return smooth * size, smooth * rate
 
     def _decide(self, time_s: float) -> None:
         """Plan the stroke when the ball is first seen, and correct it as the flight is understood better."""
@@ -186,18 +194,29 @@ class LedStroke:
         if cost > attention.worst_cost or hit[TIME] < own + attention.commit_s:
             return
         stroke = self._to_hit(own, hit)
-        if swing_peak(stroke) <= attention.highest_rate:
+        if swing_effort(stroke) <= attention.hardest:
             self._hit, self.stroke = hit, stroke
 
-    def _from_rest(self, hit: Array) -> JointStroke:
-        return JointStroke(
-            hit[TIME] - self.intent.swing_s, self._rest, hit[TIME], *self._flawed(hit), self.intent.follow_s
-        )
+    def _from_rest(self, hit: Array, own: float = 0.0) -> JointStroke:
+        """A swing of the usual duration; a longer one where the way is too far for that."""
+        hit_time = float(hit[TIME])
+        goal = self._flawed(hit)
+        swings = []
+        for factor in _SWING_FACTORS:
+            start = hit_time - factor * self.intent.swing_s
+            if factor > 1.0 and start < own:
+                break
+            stroke = JointStroke(start, self._rest, hit_time, *goal, self.intent.follow_s)
+            effort = swing_effort(stroke)
+            if effort <= self._attention.comfortable:
+                return stroke
+            swings.append((effort, factor, stroke))
+        return min(swings)[2]
 
     def _to_hit(self, own: float, hit: Array) -> JointStroke:
         assert self.stroke is not None
-        if own <= min(self.stroke.start_time_s, hit[TIME] - self.intent.swing_s):
-            return self._from_rest(hit)
+        if own <= min(self.stroke.start_time_s, float(hit[TIME]) - self.intent.swing_s):
+            return self._from_rest(hit, own)
         return self.stroke.continued_from(own, float(hit[TIME]), *self._flawed(hit))
 
     def _flawed(self, hit: Array) -> tuple[Array, Array]:

@@ -1,9 +1,10 @@
 """Plans the six strokes of our own: a ready pose for each side, and from it a push, a slice and a topspin.
 
-The three strokes of a side and their common ready pose are found in one least-squares problem: each stroke's
-hit as in `hit_solver`, and the joint motions from the ready pose through the hit to rest within a share of the
-speed and acceleration limits and clear of the table. Good postures are found by search from seeded random
-ones. Planning takes seconds; its result is kept beside this file and written by
+The three strokes of a side and their common ready pose are found in one least-squares problem: each
+stroke's hit as in `hit_solver`, and the joint motions from the ready pose through the hit to rest within a
+share of the speed and acceleration limits, clear of the table, and such that the arm takes them by itself
+when the paddle is led through them. Good postures are found by search from seeded random ones. Planning takes
+seconds; its result is kept beside this file and written by
 
     python -m msrd_ros.table_tennis.stroke_planner --write
 """

@@ -72,15 +72,18 @@ class Verdict(StrEnum):
 SPEED_TOLERANCE = 1.01
 """Fraction of a joint's speed limit above which a stroke is refused."""
 
-SPIN_CLASS_BOUNDARY_RAD_S = 50.0
-"""Slice is below minus this, topspin above it, push in between; spin about y right after the hit."""
+MOST_PUSH_SPIN_RAD_S = 40.0
+LEAST_STROKE_SPIN_RAD_S = 65.0
+"""A push has at most so much spin about y right after the hit, a slice or topspin at least so much."""
 
 
-def spin_class(spin_y_rad_s: float) -> Stroke:
-    """The stroke that a spin about y (rad/s, topspin positive) looks like."""
-    if spin_y_rad_s > SPIN_CLASS_BOUNDARY_RAD_S:
-        return Stroke.TOPSPIN
-    return Stroke.SLICE if spin_y_rad_s < -SPIN_CLASS_BOUNDARY_RAD_S else Stroke.PUSH
+def spin_class(spin_y_rad_s: float) -> Stroke | None:
+    """The stroke that a spin about y (rad/s, topspin positive) looks like; None if like none clearly."""
+    if abs(spin_y_rad_s) <= MOST_PUSH_SPIN_RAD_S:
+        return Stroke.PUSH
+    if abs(spin_y_rad_s) < LEAST_STROKE_SPIN_RAD_S:
+        return None
+    return Stroke.TOPSPIN if spin_y_rad_s > 0.0 else Stroke.SLICE
 
 
 def judge_stroke(label: StrategyLabel, outcome: Outcome, peak_speed_fraction: float) -> Verdict:
