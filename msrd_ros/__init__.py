@@ -1,3 +1,31 @@
 """Multi-Strategy Reward Distillation (MSRD) for ROS 2: teach by hand, record, learn, play."""
 
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
 __version__ = "0.1.0"
+
+
+def _choose_numba_cache() -> None:
+    """Keep compiled functions apart by the state of our sources.
+
+    Numba asks only whether the file of the outermost function has changed; a change in a function that is
+    inlined into it would go unnoticed, after an upgrade as well as after an edit.
+    """
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    state = hashlib.sha256(__version__.encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        facts = path.stat()
+        state.update(f"{path.name} {facts.st_size} {facts.st_mtime_ns}".encode())
+    home = os.environ.get("XDG_CACHE_HOME") or (
+        Path(os.environ["HOME"], ".cache") if "HOME" in os.environ else tempfile.gettempdir()
+    )
+    os.environ["NUMBA_CACHE_DIR"] = str(Path(home, "msrd_ros", "numba", state.hexdigest()[:16]))
+
+
+_choose_numba_cache()

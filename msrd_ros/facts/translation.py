@@ -146,15 +146,22 @@ class EpisodeAssembler:
 
     def add_joint_state(self, message: Any) -> None:
         """Take a sensor_msgs/JointState."""
-        time_ns = stamp_to_ns(message.header.stamp)
-        if not self._joint_rows or time_ns > self._joint_rows[-1][0]:
-            self._joint_rows.append((time_ns, *self._joints.read(message)))
+        self.add_joints(stamp_to_ns(message.header.stamp), *self._joints.read(message))
 
     def add_ball_position(self, message: Any) -> None:
         """Take a geometry_msgs/PointStamped."""
-        time_ns = stamp_to_ns(message.header.stamp)
+        position = read_ball_position(message, f"{self._source}: ball/position")
+        self.add_ball(stamp_to_ns(message.header.stamp), position)
+
+    def add_joints(self, time_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+        """Take joint positions and velocities, (7,) each; a time that is not new is passed over."""
+        if not self._joint_rows or time_ns > self._joint_rows[-1][0]:
+            self._joint_rows.append((time_ns, position, velocity))
+
+    def add_ball(self, time_ns: int, position: NDArray[np.float64]) -> None:
+        """Take a ball position (3,); a time that is not new is passed over."""
         if not self._ball_rows or time_ns > self._ball_rows[-1][0]:
-            self._ball_rows.append((time_ns, read_ball_position(message, f"{self._source}: ball/position")))
+            self._ball_rows.append((time_ns, position))
 
     def assemble(self, horizon: int = HORIZON, period_s: float = CONTROL_PERIOD_S) -> Episode:
         """The stroke as arrays.

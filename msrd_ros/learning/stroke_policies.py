@@ -68,11 +68,14 @@ class StrokePolicies:
         By strategy.
     exploration_seed
         Of the draws with which actions are to be varied; None plays the means.
+    ready_noise_rad
+        Spread of the start posture while exploring.
     """
 
     policies: PolicySet
     facts: Mapping[StrategyLabel, StrokeFacts]
     exploration_seed: int | None = None
+    ready_noise_rad: float = 0.0
 
     @property
     def labels(self) -> tuple[StrategyLabel, ...]:
@@ -117,6 +120,7 @@ class StrokePolicies:
                 for label, facts in self.facts.items()
             },
             "exploration_seed": self.exploration_seed,
+            "ready_noise_rad": self.ready_noise_rad,
         }
         return replace(self.policies, details=details).to_bytes()
 
@@ -147,7 +151,8 @@ class StrokePolicies:
                 joint = JOINT_NAMES[int(np.argmin(fits))] if ready_pose.shape == fits.shape else "count"
                 raise UserError(f"{where}: ready pose of {text}: joint {joint} is out of its limits")
             facts[label] = StrokeFacts(ready_pose, landing_point)
-        return cls(policies, facts, policies.details.get("exploration_seed"))
+        details = policies.details
+        return cls(policies, facts, details.get("exploration_seed"), details.get("ready_noise_rad", 0.0))
 
     @classmethod
     def load(cls, path: Path) -> StrokePolicies:

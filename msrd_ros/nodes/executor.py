@@ -191,10 +191,12 @@ class Executor(StackNode):
         if swapped:
             self._swapped_at = self._strokes
         exploring = self._policies.exploration_seed
-        seed = self.config.seed if exploring is None else exploring
+        seed, noise_rad = self.config.seed, self.config.ready_noise_rad
+        if exploring is not None:
+            seed, noise_rad = exploring, self._policies.ready_noise_rad
         draws = StrokeDraws.of(seed, self._strokes - self._swapped_at)
         policy = self._policies.play(self._wanted, draws)
-        ready_pose = facts.ready_pose + self.config.ready_noise_rad * draws.ready
+        ready_pose = facts.ready_pose + noise_rad * draws.ready
         player.prepare(policy, ready_pose)
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
