@@ -19,7 +19,8 @@ def _choose_numba_cache() -> None:
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     state = hashlib.sha256(__version__.encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    package = Path(__file__).parent
+    for path in sorted([*package.glob("table_tennis/*.py"), package / "facts" / "motion_limits.py"]):
         facts = path.stat()
         state.update(f"{path.name} {facts.st_size} {facts.st_mtime_ns}".encode())
     home = os.environ.get("XDG_CACHE_HOME") or (
