@@ -52,4 +52,6 @@ def _assemble(bag: Bag, messages: Iterable[BagMessage], label: StrategyLabel) ->
             assembler.add_joint_state(deserialise(message.data, CONTRACT[JOINT_STATES].type_name))
         elif message.topic == BALL_POSITION:
             assembler.add_ball_position(deserialise(message.data, CONTRACT[BALL_POSITION].type_name))
+        elif message.topic == OUTCOME:
+            assembler.add_outcome(deserialise(message.data, CONTRACT[OUTCOME].type_name))
     return assembler.assemble()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
 
 CONTROL_PERIOD_S = 0.02
@@ -70,6 +71,8 @@ class Episode:
         Who showed it; empty for the robot itself.
     source
         Where it comes from (a bag's path, a topic), for error messages.
+    outcome
+        What became of the ball, if a referee said so; for reports, never an input to learning.
     """
 
     label: StrategyLabel
@@ -79,6 +82,7 @@ class Episode:
     ball_velocity: NDArray[np.float64]
     subject: str = ""
     source: str = ""
+    outcome: Outcome | None = None
 
     @property
     def observations(self) -> NDArray[np.float64]:

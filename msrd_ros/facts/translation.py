@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from msrd_ros.facts.episode import CONTROL_PERIOD_S, HORIZON, Episode
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES
 
 NANOSECONDS = 1_000_000_000
@@ -101,6 +102,29 @@ def read_ball_position(message: Any, where: str = "topic ball/position") -> NDAr
     return position
 
 
+RALLY_STATUS = "rally"
+"""Name of the status in rally/outcome that holds the referee's decision."""
+
+
+def read_outcome(message: Any, where: str = "topic rally/outcome") -> tuple[StrategyLabel | None, Outcome]:
+    """The strategy that was played and the referee's decision, from diagnostic_msgs/DiagnosticArray.
+
+    Raises
+    ------
+    UserError
+        If the label is unknown or the decision cannot be read.
+    """
+    text = message.header.frame_id
+    label = StrategyLabel.parse(text, where) if text else None
+    for item in message.status:
+        if item.name == RALLY_STATUS:
+            values = {pair.key: pair.value for pair in item.values}
+            return label, Outcome.from_values(item.message, values, where)
+    raise UserError(
+        f"{where}: no status named {RALLY_STATUS!r}; publish the referee's decision under that name"
+    )
+
+
 class BallTracker:
     """Turns ball samples into position and velocity as a policy sees them.
 
@@ -143,6 +167,7 @@ class EpisodeAssembler:
         self._joints = JointStateTranslator(f"{source}: joint_states")
         self._joint_rows: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
         self._ball_rows: list[tuple[int, NDArray[np.float64]]] = []
+        self._outcome: Outcome | None = None
 
     def add_joint_state(self, message: Any) -> None:
         """Take a sensor_msgs/JointState."""
@@ -152,6 +177,10 @@ class EpisodeAssembler:
         """Take a geometry_msgs/PointStamped."""
         position = read_ball_position(message, f"{self._source}: ball/position")
         self.add_ball(stamp_to_ns(message.header.stamp), position)
+
+    def add_outcome(self, message: Any) -> None:
+        """Take the diagnostic_msgs/DiagnosticArray of rally/outcome."""
+        _, self._outcome = read_outcome(message, f"{self._source}: rally/outcome")
 
     def add_joints(self, time_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """Take joint positions and velocities, (7,) each; a time that is not new is passed over."""
@@ -197,7 +226,14 @@ class EpisodeAssembler:
         velocities = self._interpolate(ticks, joint_times, 2)
         ball_position, ball_velocity = self._track_ball(ticks)
         return Episode(
-            self._label, positions, velocities, ball_position, ball_velocity, self._subject, self._source
+            self._label,
+            positions,
+            velocities,
+            ball_position,
+            ball_velocity,
+            self._subject,
+            self._source,
+            self._outcome,
         )
 
     def _launch_ns(self, joint_times: NDArray[np.int64]) -> int:

@@ -95,6 +95,11 @@ class AdaptiveSubscription:
         """Messages that went missing so far."""
         return self._counter.lost
 
+    @property
+    def connected(self) -> bool:
+        """Whether messages of at least one publisher arrive: matched, not only discovered."""
+        return self._subscription.get_publisher_count() > 0
+
     def adapt(self) -> None:
         """Look at the publishers that are there, and ask for what all of them offer."""
         infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)

@@ -181,13 +181,14 @@ class StackNode(Node):
         super().__init__(name, **options)
         self.config = read_parameters(self, config_type)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        steady_timer(self, 1.0, self._publish_diagnostics)
+        steady_timer(self, 1.0, self.publish_diagnostics)
 
     def diagnose(self) -> tuple[str, Mapping[str, object]]:
         """One line on how the node is doing, and its figures. Nodes override this."""
         return "running", {}
 
-    def _publish_diagnostics(self) -> None:
+    def publish_diagnostics(self) -> None:
+        """Say how the node is doing, now."""
         message, values = self.diagnose()
         array = DiagnosticArray(status=[status(self.get_name(), message, values)])
         array.header.stamp = self.get_clock().now().to_msg()

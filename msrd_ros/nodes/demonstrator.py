@@ -24,13 +24,12 @@ from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
-from msrd_ros.facts.translation import NANOSECONDS
+from msrd_ros.facts.translation import NANOSECONDS, read_outcome
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import (
     command_to_message,
     feed_to_message,
     gesture_to_message,
-    outcome_from_message,
     strategy_message,
 )
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
@@ -267,7 +266,7 @@ class Demonstrator(StackNode):
 
     def _on_outcome(self, message: DiagnosticArray) -> None:
         if self._stage is Stage.SHOWING:
-            _, self._outcome = outcome_from_message(message)
+            _, self._outcome = read_outcome(message)
             self._judge()
 
     def _on_verdict(self, message: DiagnosticArray) -> None:

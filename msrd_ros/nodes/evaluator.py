@@ -18,9 +18,10 @@ from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.parameters import parameter
+from msrd_ros.facts.translation import read_outcome
 from msrd_ros.learning.stroke_policies import StrokePolicies
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
-from msrd_ros.nodes.messages import feed_to_message, outcome_from_message, strategy_message
+from msrd_ros.nodes.messages import feed_to_message, strategy_message
 from msrd_ros.table_tennis.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.rates import LabelRates, format_table
 
@@ -102,7 +103,7 @@ class Evaluator(StackNode):
     def _on_outcome(self, message: DiagnosticArray) -> None:
         if self._waiting_for != "outcome":
             return
-        label, outcome = outcome_from_message(message)
+        label, outcome = read_outcome(message)
         if label != self._label:
             return
         self._outcomes[self._label].append(outcome)

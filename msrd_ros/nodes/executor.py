@@ -175,6 +175,8 @@ class Executor(StackNode):
         if self._arriving is not None:
             self._policies, self._arriving = self._arriving, None
             self._counts["swaps"] += 1
+            # At once: a trainer that rolls out over topics waits for its policies to be in force.
+            self.publish_diagnostics()
         finished = player.strokes_begun != self._strokes
         if self._wanted is None or self._policies is None:
             return

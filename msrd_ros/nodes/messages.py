@@ -23,13 +23,12 @@ from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
-from msrd_ros.facts.translation import NANOSECONDS
+from msrd_ros.facts.translation import NANOSECONDS, RALLY_STATUS
 from msrd_ros.nodes.common import status
 from msrd_ros.table_tennis.feeder import Feed
 from msrd_ros.table_tennis.teaching import HandGesture
 
 WORLD = "world"
-RALLY = "rally"
 PADDLE = "paddle"
 
 
@@ -191,28 +190,10 @@ def transform(position: NDArray[np.float64], quaternion: NDArray[np.float64]) ->
 
 def outcome_to_message(outcome: Outcome, label: StrategyLabel | None, stamp: Any) -> DiagnosticArray:
     """A referee's decision as one status named `rally`, the label in the header."""
-    message = DiagnosticArray(status=[status(RALLY, outcome.message, outcome.to_values())])
+    message = DiagnosticArray(status=[status(RALLY_STATUS, outcome.message, outcome.to_values())])
     message.header.stamp = stamp
     message.header.frame_id = str(label or "")
     return message
-
-
-def outcome_from_message(message: Any) -> tuple[StrategyLabel | None, Outcome]:
-    """Read a referee's decision and the strategy that was played.
-
-    Raises
-    ------
-    UserError
-        If the label or the status is not as `outcome_to_message` writes it.
-    """
-    where = "topic rally/outcome"
-    text = message.header.frame_id
-    label = StrategyLabel.parse(text, where) if text else None
-    for item in message.status:
-        if item.name == RALLY:
-            values = {pair.key: pair.value for pair in item.values}
-            return label, Outcome.from_values(item.message, values, where)
-    raise UserError(f"{where}: no status named {RALLY!r}; publish the referee's decision under that name")
 
 
 def bytes_to_message(data: bytes) -> UInt8MultiArray:

@@ -23,9 +23,9 @@ from msrd_ros.bags.writer import remove_leftovers, set_aside
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.nodes.common import EVENT, StackNode, run, status, steady_timer
-from msrd_ros.nodes.recorder_inputs import RecorderInputs
+from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
 
-ADAPT_PERIOD_S = 0.5
+ADAPT_PERIOD_S = 0.2
 SETTLE_PERIOD_S = 0.01
 MEGABYTE = 1_000_000
 VERDICT = "recorder/verdict"
@@ -90,6 +90,7 @@ class Recorder(StackNode):
         self._last_kept: Path | None = None
         self._rejected: Counter[str] = Counter()
         self._feeds_told = 0
+        self._heard: tuple[str, ...] = ()
         self._verdict = self.create_publisher(DiagnosticArray, VERDICT, EVENT)
         self._results: queue.SimpleQueue[KeptStroke] = queue.SimpleQueue()
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
@@ -122,6 +123,7 @@ class Recorder(StackNode):
             "messages_lost": self._inputs.lost,
             "disk_left_mb": self._keeper.free_bytes // MEGABYTE,
             "stroke_under_way": self._buffer.under_way,
+            "hears": " ".join(self._heard),
         }
 
     # -- setting up ----------------------------------------------------------------------------
@@ -153,6 +155,11 @@ class Recorder(StackNode):
 
     def _adapt(self) -> None:
         self._inputs.adapt()
+        if self._inputs.heard != self._heard:
+            self._heard = self._inputs.heard
+            silent = [role for role in STREAMED if role not in self._heard]
+            silence = f"; nobody publishes {', '.join(silent)}" if silent else ""
+            self.get_logger().info(f"hears {', '.join(self._heard) or 'nothing'}{silence}")
         if self._buffer.expired_feeds > self._feeds_told:
             self._feeds_told = self._buffer.expired_feeds
             self.get_logger().warning(

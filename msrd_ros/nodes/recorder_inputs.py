@@ -72,6 +72,11 @@ class RecorderInputs:
         """Joint states and ball positions that went missing so far."""
         return sum(self._subscriptions[role].lost for role in STATES)
 
+    @property
+    def heard(self) -> tuple[str, ...]:
+        """Those of the stroke's topics that somebody publishes."""
+        return tuple(role for role in STREAMED if self._subscriptions[role].connected)
+
     def adapt(self) -> None:
         """Follow what the publishers offer."""
         for role, subscription in self._subscriptions.items():
