@@ -105,7 +105,7 @@ def test_energy_is_only_lost() -> None:
 
 def test_environment_is_reproducible_and_noise_is_its_own() -> None:
     def play(noise: float, seed: int) -> np.ndarray:
-        world = InvertedPendulum(20, action_noise=noise)
+        world = InvertedPendulum(20, random_actions=noise)
         world.reset(2, 3, np.random.default_rng(seed))
         return np.stack([world.step(np.zeros((2, 3, 1))) for _ in range(20)], axis=2)
 

@@ -38,6 +38,9 @@ class DiaynReward:
         Source of initial weights and minibatches.
     steps, batch, learning_rate
         Adam on q per sweep, on `batch` states of every strategy.
+    blur
+        Standard deviation of noise on the features that q learns from: the resolution of an observer who
+        has to tell the strategies apart. Without it q makes strategies out of centimetres.
     """
 
     def __init__(
@@ -52,6 +55,7 @@ class DiaynReward:
         steps: int = 10,
         batch: int = 64,
         learning_rate: float = 3e-3,
+        blur: float = 0.0,
     ) -> None:
         self.posterior = BatchedMLP(1, (features.width, *hidden, strategies), generator)
         self.features = features
@@ -60,6 +64,7 @@ class DiaynReward:
         self._weight = weight
         self._floor = floor
         self._steps, self._batch = steps, batch
+        self._blur = blur
         self._generator = generator
         self.optimiser = torch.optim.Adam(self.posterior.parameters(), lr=learning_rate, weight_decay=1e-4)
 
@@ -78,7 +83,10 @@ class DiaynReward:
         for _ in range(self._steps):
             index = torch.randint(states.shape[1], (self._batch,), generator=self._generator)
             chosen = states[:, index].reshape(1, -1, states.shape[-1])
-            loss = cross_entropy(self.posterior(self.features(chosen))[0], target)
+            features = self.features(chosen)
+            if self._blur > 0.0:
+                features = features + self._blur * torch.randn(features.shape, generator=self._generator)
+            loss = cross_entropy(self.posterior(features)[0], target)
             self.optimiser.zero_grad()
             loss.backward()
             self.optimiser.step()

@@ -22,22 +22,24 @@ def inverted_pendulum() -> MSRDConfig:
     """Inverted pendulum: cloned start, small trust region, replay, cross-negatives, gradient penalty."""
     features = FeatureConfig(scales=(0.5, 0.3, 1.0, 2.0))
     return MSRDConfig(
-        sweeps=250,
+        sweeps=120,
         episodes=4,
         policy_reward=PolicyReward.LOGIT,
         reward=RewardConfig(task_features=features, strategy_features=features),
         discriminator=DiscriminatorConfig(
+            batch=128,
             learning_rate=4e-3,
             penalty_weight=0.01,
             penalise_all=True,
+            cross_batch=128,
             cross_weight=0.3,
             gradient_penalty=0.01,
         ),
         replay=ReplayConfig(replay_share=0.25, snapshot_share=0.25),
         policy=PolicyConfig(features=features),
         trust_region=TrustRegionConfig(kl=0.01),
-        value=ValueConfig(hidden=(32, 32), sees_time=False, bootstrap=True),
-        cloning=CloningConfig(steps=1500, snapshots=(0, 20, 40, 80, 160, 320)),
+        value=ValueConfig(hidden=(32, 32), steps=5, batch=256, sees_time=False, bootstrap=True),
+        cloning=CloningConfig(steps=800, batch=128, snapshots=(0, 20, 40, 80, 160, 320)),
     )
 
 

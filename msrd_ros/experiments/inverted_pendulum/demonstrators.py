@@ -77,17 +77,23 @@ class Recipe:
         KL-encouraged: largest divergence of a pair that counts, in nats.
     short_sweeps, long_sweeps
         TRPO updates on episodes of 200 steps, then of the full 1,000.
+    blur
+        DIAYN: resolution at which the posterior sees states, in the features' scale (0.1 is 5 cm).
+    episodes
+        Short episodes per strategy and sweep.
     kl
         Trust region.
     """
 
     kind: Kind = Kind.DIAYN
     seed: int = 0
-    candidates: int = 26
+    candidates: int = 24
     weight: float = 0.1
     bound: float = 10.0
     short_sweeps: int = 200
-    long_sweeps: int = 80
+    long_sweeps: int = 30
+    blur: float = 0.1
+    episodes: int = 10
     kl: float = 0.03
 
 
@@ -138,7 +144,13 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     source: RewardSource
     if recipe.kind is Kind.DIAYN:
         source = DiaynReward(
-            count, pendulum_features(), _POSTERIOR_HIDDEN, extrinsic, recipe.weight, generator
+            count,
+            pendulum_features(),
+            _POSTERIOR_HIDDEN,
+            extrinsic,
+            recipe.weight,
+            generator,
+            blur=recipe.blur,
         )
     elif recipe.kind is Kind.KL_ENCOURAGED:
         source = KLEncouragedReward(extrinsic, recipe.weight / (count - 1), recipe.bound)
@@ -149,7 +161,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
         pendulum_features(),
         source,
         BatchedCollector(InvertedPendulum(200)),
-        10,
+        recipe.episodes,
         TrustRegionConfig(kl=recipe.kl),
         ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
         0.99,
@@ -159,7 +171,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     for sweep in range(recipe.short_sweeps + recipe.long_sweeps):
         if sweep == recipe.short_sweeps:
             training.collector = BatchedCollector(InvertedPendulum(1000))
-            training.episodes = 2
+            training.episodes = 3
         metrics = training.sweep()
         if sweep % 20 == 19:
             progress(f"demonstrators: sweep {sweep + 1}, reward {metrics['reward']:.3f}")
@@ -195,7 +207,13 @@ def _choose(policies: GaussianPolicies, recipe: Recipe) -> tuple[tuple[int, ...]
     able = (falls == 0.0) & (returns > -0.05)
     generator = torch.Generator().manual_seed(recipe.seed + 1)
     classifier = DiaynReward(
-        policies.strategies, pendulum_features(), _POSTERIOR_HIDDEN, extrinsic, 1.0, generator
+        policies.strategies,
+        pendulum_features(),
+        _POSTERIOR_HIDDEN,
+        extrinsic,
+        1.0,
+        generator,
+        blur=recipe.blur,
     )
     states = torch.as_tensor(played.observations[:, :, 1:])
     for _ in range(80):

@@ -20,7 +20,7 @@ CONTROL_PERIOD_S = TIME_STEP_S * FRAME_SKIP
 
 _GRAVITY = 9.81
 _GEAR_N = 100.0
-_CONTROL_LIMIT = 3.0
+CONTROL_LIMIT = 3.0
 _SLIDE_LIMIT_M = 1.0
 _HINGE_LIMIT_RAD = math.pi / 2.0
 # MuJoCo's default solref (0.02, 1), raised to twice the time step ("refsafe"), and solimp.
@@ -167,7 +167,7 @@ def advance(states: NDArray[np.float64], controls: NDArray[np.float64], body: ND
     for episode in range(states.shape[0]):
         x, q = states[episode, 0], states[episode, 1]
         v, w = states[episode, 2], states[episode, 3]
-        force = _GEAR_N * min(max(controls[episode], -_CONTROL_LIMIT), _CONTROL_LIMIT)
+        force = _GEAR_N * min(max(controls[episode], -CONTROL_LIMIT), CONTROL_LIMIT)
         for _ in range(FRAME_SKIP):
             a1, b1 = acceleration(x, q, v, w, force, body)
             v2, w2 = v + 0.5 * h * a1, w + 0.5 * h * b1

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.experiments.inverted_pendulum.dynamics import CONTROL_PERIOD_S, PendulumBody, advance
+from msrd_ros.experiments.inverted_pendulum.dynamics import (
+    CONTROL_LIMIT,
+    CONTROL_PERIOD_S,
+    PendulumBody,
+    advance,
+)
 from msrd_ros.learning.layout import Layout
 
 OBSERVATION_NAMES = ("cart_position", "pole_angle", "cart_velocity", "pole_rate")
@@ -24,9 +29,9 @@ class InvertedPendulum:
         Steps of an episode, of 0.04 s each; the paper's timeout is 1,000.
     body
         Masses and lengths, for studies of transfer.
-    action_noise
-        Standard deviation of Gaussian noise added to every action before clipping, one value for all or
-        ``[S, K]``; this is how trajectories of various quality are made for evaluation.
+    random_actions
+        Probability with which an action is replaced by a uniformly random one, one value for all or
+        ``[S, K]``: the noise injection (Brown et al., 2019) that makes trajectories of various quality.
     """
 
     observation_names = OBSERVATION_NAMES
@@ -36,11 +41,11 @@ class InvertedPendulum:
         self,
         horizon: int = EPISODE_STEPS,
         body: PendulumBody | None = None,
-        action_noise: float | NDArray[np.float64] = 0.0,
+        random_actions: float | NDArray[np.float64] = 0.0,
     ) -> None:
         self.horizon = self.acting_steps = horizon
         self._body = (body or PendulumBody()).as_array()
-        self._action_noise = np.asarray(action_noise, dtype=np.float64)
+        self._random_actions = np.asarray(random_actions, dtype=np.float64)
         self._states = np.zeros((0, 4))
         self._shape = (0, 0)
         self._rng = np.random.default_rng(0)
@@ -55,8 +60,10 @@ class InvertedPendulum:
     def step(self, action: NDArray[np.floating]) -> NDArray[np.float64]:
         """Apply ``action [S, K, 1]`` for 0.04 s."""
         control = np.asarray(action[..., 0], dtype=np.float64)
-        if self._action_noise.any():
-            control = control + self._action_noise * self._rng.standard_normal(self._shape)
+        if self._random_actions.any():
+            replaced = self._rng.random(self._shape) < self._random_actions
+            drawn = self._rng.uniform(-CONTROL_LIMIT, CONTROL_LIMIT, self._shape)
+            control = np.where(replaced, drawn, control)
         advance(self._states, np.ascontiguousarray(control).reshape(-1), self._body)
         return self._states.reshape(*self._shape, 4).copy()
 

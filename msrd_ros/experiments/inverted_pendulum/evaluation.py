@@ -14,8 +14,8 @@ from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum,
 from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Rewards
 from msrd_ros.learning.rollouts import BatchedCollector
 
-NOISE_LEVELS = tuple(np.linspace(0.0, 2.0, 11).round(2).tolist())
-"""Standard deviations of the noise injected into actions, in units of the control (limit 3, gear 100 N)."""
+NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
+"""Probabilities of replacing an action by a random one; beyond them every trajectory is the same fall."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def make_test_set(demonstrators: Demonstrators, seed: int, repeats: int = 2, cle
     strategies = demonstrators.policies.strategies
     rng = np.random.default_rng([seed, 7])
     levels = np.tile(np.repeat(np.array(NOISE_LEVELS), repeats), (strategies, 1))
-    noisy = BatchedCollector(InvertedPendulum(action_noise=levels)).collect(
+    noisy = BatchedCollector(InvertedPendulum(random_actions=levels)).collect(
         demonstrators.policies, levels.shape[1], rng
     )
     plain = BatchedCollector(InvertedPendulum()).collect(demonstrators.policies, clean, rng)

@@ -23,7 +23,7 @@ from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed, inverted_pendulum
 from msrd_ros.learning.replay import DemonstrationPool
-from msrd_ros.learning.rewards import RewardForm, RewardModel
+from msrd_ros.learning.rewards import RewardForm, RewardModel, RewardValues
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 
@@ -56,6 +56,8 @@ class Estimate:
         Maps states ``[N, 4]`` to the strategy-only rewards ``[S, N]``; None if the method claims none.
     combined
         Maps states ``[N, 4]`` to R_i ``[S, N]`` (``[1, N]`` for a single reward); None if there is none.
+    weights
+        The numbers behind the functions, to keep.
     seconds, environment_steps
         What it took.
     """
@@ -63,8 +65,14 @@ class Estimate:
     task: Rewards | None
     strategies: Rewards | None
     combined: Rewards | None
+    weights: dict[str, Tensor]
     seconds: float
     environment_steps: int
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Weights and cost, for a file."""
+        cost = torch.tensor([self.seconds, float(self.environment_steps)], dtype=torch.float64)
+        return {"cost": cost, **{name: value.contiguous() for name, value in self.weights.items()}}
 
 
 @dataclass(frozen=True)
@@ -79,10 +87,10 @@ class Budget:
         Adam steps of behaviour cloning before.
     """
 
-    sweeps: int = 250
+    sweeps: int = 120
     episodes: int = 4
     horizon: int = 250
-    cloning_steps: int = 1500
+    cloning_steps: int = 800
 
 
 def configure(method: Method, budget: Budget) -> MSRDConfig:
@@ -107,34 +115,61 @@ def train(
     budget: Budget,
     seed: int,
     progress: Callable[[str], None] = lambda line: None,
-    config: MSRDConfig | None = None,
 ) -> Estimate:
-    """Run `method`; its rewards are the moving average of the weights after the last planned sweep."""
+    """Run `method`; its rewards are the moving average of the weights after the last planned sweep.
+
+    That is the rule for the checkpoint: fixed beforehand, and blind to the truth.
+    """
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
-        return _classify(demonstrations, seed)
+        classifier = _fresh_classifier(demonstrations, seed)
+        classifier.fit(DemonstrationPool(demonstrations))
+        return _from_classifier(classifier, time.perf_counter() - started)
     if method is Method.ORACLE:
-        return _oracle(demonstrations)
-    collector = BatchedCollector(InvertedPendulum(budget.horizon))
-    make = {
-        Method.AIRL: pooled_airl,
-        Method.AIRL_EACH: airl_per_strategy,
-        Method.AIRL_EACH_CROSS: airl_per_strategy,
-    }.get(method, MSRD)
-    trainer = make(config or configure(method, budget), demonstrations, collector, seed)
+        half = demonstrations.observations.shape[2] // 2
+        settled = np.asarray(demonstrations.observations[:, :, half:, 0], dtype=np.float64)
+        places = torch.as_tensor(settled.mean(axis=(1, 2)), dtype=torch.float32)
+        return _from_places(places, time.perf_counter() - started)
+    trainer = make_trainer(method, demonstrations, budget, seed)
     trainer.clone()
     for sweep in range(budget.sweeps):
         metrics = trainer.sweep()
         if sweep % 10 == 9:
             right = 0.5 * (metrics["demonstrations_right"] + metrics["generated_right"])
             progress(f"{method} seed {seed}: sweep {sweep + 1} of {budget.sweeps}, told apart {right:.2f}")
-    seconds = time.perf_counter() - started
-    return estimate_from_rewards(trainer.averaged_rewards, method, seconds, trainer.environment_steps)
+    cost = time.perf_counter() - started, trainer.environment_steps
+    return from_rewards(trainer.averaged_rewards, method, *cost)
 
 
-def estimate_from_rewards(
-    rewards: RewardModel, method: Method, seconds: float, environment_steps: int
+def make_trainer(method: Method, demonstrations: Demonstrations, budget: Budget, seed: int) -> MSRD:
+    """The trainer of a method that plays."""
+    makers = {
+        Method.AIRL: pooled_airl,
+        Method.AIRL_EACH: airl_per_strategy,
+        Method.AIRL_EACH_CROSS: airl_per_strategy,
+    }
+    collector = BatchedCollector(InvertedPendulum(budget.horizon))
+    return makers.get(method, MSRD)(configure(method, budget), demonstrations, collector, seed)
+
+
+def restore(
+    tensors: dict[str, Tensor], method: Method, demonstrations: Demonstrations, budget: Budget
 ) -> Estimate:
+    """Inverse of `Estimate.tensors`."""
+    seconds, steps = tensors["cost"].tolist()
+    weights = {name: value for name, value in tensors.items() if name != "cost"}
+    if method is Method.ORACLE:
+        return _from_places(weights["places"], seconds)
+    if method is Method.CLASSIFIER:
+        classifier = _fresh_classifier(demonstrations, 0)
+        classifier.network.load_state_dict(weights)
+        return _from_classifier(classifier, seconds)
+    rewards = make_trainer(method, demonstrations, budget, 0).averaged_rewards
+    rewards.load_state_dict(weights)
+    return from_rewards(rewards, method, seconds, int(steps))
+
+
+def from_rewards(rewards: RewardModel, method: Method, seconds: float, environment_steps: int) -> Estimate:
     """The functions of states that a trained reward model stands for.
 
     AIRL per strategy has no task reward of its own; the mean of its rewards is the natural guess at one, and
@@ -142,38 +177,43 @@ def estimate_from_rewards(
     """
 
     @torch.no_grad()
-    def values(states: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        packed = torch.zeros(1, states.shape[0], 2 * states.shape[1] + 3)
-        packed[0, :, states.shape[1] + 1 : 2 * states.shape[1] + 1] = states
-        found = rewards.table(Transitions(packed, states.shape[1], 1))
-        return found.combined, found.task, found.strategy
+    def values(states: Tensor) -> RewardValues:
+        width = states.shape[1]
+        packed = torch.zeros(1, states.shape[0], 2 * width + 3)
+        packed[0, :, width + 1 : 2 * width + 1] = states
+        return rewards.table(Transitions(packed, width, 1))
 
     def task(states: Tensor) -> Tensor:
-        combined, own, _ = values(states)
+        found = values(states)
         per_strategy = method in (Method.AIRL_EACH, Method.AIRL_EACH_CROSS)
-        return combined.mean(dim=0) if per_strategy else own[0]
+        return found.combined.mean(dim=0) if per_strategy else found.task[0]
 
-    strategies = None if method is Method.AIRL else lambda states: values(states)[2]
-    return Estimate(task, strategies, lambda states: values(states)[0], seconds, environment_steps)
+    return Estimate(
+        task,
+        None if method is Method.AIRL else lambda states: values(states).strategy,
+        lambda states: values(states).combined,
+        dict(rewards.state_dict()),
+        seconds,
+        environment_steps,
+    )
 
 
-def _classify(demonstrations: Demonstrations, seed: int) -> Estimate:
-    """No inverse reinforcement learning: log q(i|s) of a softmax classifier on the demonstrations."""
-    started = time.perf_counter()
+def _fresh_classifier(demonstrations: Demonstrations, seed: int) -> StrategyClassifier:
+    """No inverse reinforcement learning: a softmax classifier on the demonstrations' states."""
     generator = torch.Generator().manual_seed(seed)
-    classifier = StrategyClassifier(demonstrations.strategies, pendulum_features(), (32, 32), generator)
-    classifier.fit(DemonstrationPool(demonstrations))
-    return Estimate(None, classifier.log_posterior, None, time.perf_counter() - started, 0)
+    return StrategyClassifier(demonstrations.strategies, pendulum_features(), (32, 32), generator)
 
 
-def _oracle(demonstrations: Demonstrations) -> Estimate:
-    """A guess that knows the answer's form: distance to the cart position where the strategy settles."""
-    started = time.perf_counter()
-    half = demonstrations.observations.shape[2] // 2
-    settled = np.asarray(demonstrations.observations[:, :, half:, 0], dtype=np.float64)
-    places = torch.as_tensor(settled.mean(axis=(1, 2)), dtype=torch.float32)
+def _from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
+    """log q(i|s) as the strategy reward."""
+    weights = dict(classifier.network.state_dict())
+    return Estimate(None, classifier.log_posterior, None, weights, seconds, 0)
+
+
+def _from_places(places: Tensor, seconds: float) -> Estimate:
+    """A guess that knows the answer's form: minus the distance to where the strategy's cart settles."""
 
     def strategies(states: Tensor) -> Tensor:
         return -(states[None, :, 0] - places[:, None]).abs()
 
-    return Estimate(None, strategies, None, time.perf_counter() - started, 0)
+    return Estimate(None, strategies, None, {"places": places}, seconds, 0)

@@ -1,0 +1,164 @@
+"""What a reward is for: fresh policies trained on frozen rewards, also where the dynamics have changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from msrd_ros.experiments.inverted_pendulum.demonstrators import Demonstrators
+from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody
+from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum, has_fallen, task_reward
+from msrd_ros.experiments.inverted_pendulum.evaluation import table_over
+from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Method, Rewards
+from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
+from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.reinforcement import PolicyTraining
+from msrd_ros.learning.rollouts import BatchedCollector
+from msrd_ros.learning.trajectories import Rollouts
+from msrd_ros.learning.trpo import TrustRegionConfig
+from msrd_ros.learning.value import ValueConfig
+
+BODIES = {
+    "as demonstrated": PendulumBody(),
+    "pole 30 % longer, cart friction doubled": PendulumBody().changed(pole_length=1.3, cart_friction=2.0),
+}
+
+
+@dataclass(frozen=True)
+class TransferPlan:
+    """Training of the fresh policies.
+
+    Attributes
+    ----------
+    sweeps, episodes, horizon
+        TRPO updates, rollouts per strategy and update, steps per rollout.
+    seed
+        Of initial weights, training and judging.
+    """
+
+    sweeps: int = 120
+    episodes: int = 6
+    horizon: int = 200
+    seed: int = 4000
+
+
+class FrozenReward:
+    """A reward that does not change any more, as a function of the next state.
+
+    Parameters
+    ----------
+    rewards
+        Maps states ``[N, 4]`` to ``[S, N]`` or, shared by all, to ``[1, N]``.
+    """
+
+    def __init__(self, rewards: Rewards) -> None:
+        self._rewards = rewards
+
+    def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
+        """Row i judged by strategy i, ``[S, K, T]``."""
+        states = torch.as_tensor(rollouts.observations[:, :, 1:])
+        rows = []
+        for index in range(states.shape[0]):
+            values = self._rewards(states[index].reshape(-1, states.shape[-1]))
+            rows.append(values[index if values.shape[0] > 1 else 0].reshape(states.shape[1:3]))
+        return torch.stack(rows)
+
+
+def frozen_rewards(estimate: Estimate) -> dict[str, Rewards]:
+    """What there is to optimise: R0 + S_i, S_i alone, R0 alone."""
+    found: dict[str, Rewards] = {}
+    if estimate.combined is not None:
+        found["R0 + S_i"] = estimate.combined
+    if estimate.strategies is not None:
+        found["S_i alone"] = estimate.strategies
+    if estimate.task is not None:
+        task = estimate.task
+        found["R0 alone"] = lambda states: task(states).unsqueeze(0)
+    return found
+
+
+def run_transfer(
+    plan: TransferPlan,
+    demonstrators: Demonstrators,
+    estimates: dict[Method, Estimate],
+    progress: Callable[[str], None],
+) -> dict[str, Any]:
+    """Train on every reward under every body; marks by body, method and reward, then per strategy."""
+    results: dict[str, Any] = {}
+    for name, body in BODIES.items():
+        table: dict[str, Any] = {
+            "demonstrators": {
+                "their own policies": _judge(demonstrators.policies, demonstrators, body, plan.seed)
+            }
+        }
+        truth = demonstrators.truth
+        table["truth"] = {
+            "true R0 + 0.1 S_i": _train(
+                plan,
+                demonstrators,
+                body,
+                lambda states: -states[None, :, 1].abs() + 0.1 * truth.table(states).clamp(min=-10.0),
+            )
+        }
+        for method, estimate in estimates.items():
+            rows = {}
+            for reward, function in frozen_rewards(estimate).items():
+                progress(f"transfer, {name}: fresh policies on {method}'s {reward}")
+                rows[reward] = _train(plan, demonstrators, body, function)
+            table[method.value] = rows
+        results[name] = table
+    return results
+
+
+def _train(
+    plan: TransferPlan, demonstrators: Demonstrators, body: PendulumBody, rewards: Rewards
+) -> dict[str, Any]:
+    generator = torch.Generator().manual_seed(plan.seed)
+    bounds = (float(np.log(0.5)), float(np.log(0.1)), 0.0)
+    strategies = demonstrators.policies.strategies
+    policies = GaussianPolicies(strategies, pendulum_features(), 1, (32, 32), *bounds, generator)
+    training = PolicyTraining(
+        policies,
+        pendulum_features(),
+        FrozenReward(rewards),
+        BatchedCollector(InvertedPendulum(plan.horizon, body)),
+        plan.episodes,
+        TrustRegionConfig(kl=0.03),
+        ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
+        0.99,
+        0.97,
+        plan.seed,
+    )
+    for _ in range(plan.sweeps):
+        training.sweep()
+    return _judge(policies, demonstrators, body, plan.seed + 1)
+
+
+def _judge(
+    policies: GaussianPolicies, demonstrators: Demonstrators, body: PendulumBody, seed: int
+) -> dict[str, Any]:
+    """Task return a step, falls, and distance to the demonstrator's style, over 1,000 steps.
+
+    The distance is that of the settled cart's mean position, in metres; the preference is the true strategy
+    reward a step, clipped at -10.
+    """
+    collector = BatchedCollector(InvertedPendulum(1000, body))
+    played = collector.collect(policies, 3, np.random.default_rng(seed), deterministic=True).observations
+    settled = played[:, :, 500:, 0].mean(axis=(1, 2))
+    home = np.array(demonstrators.report["cart_position_mean"])
+    flat = played.reshape(-1, *played.shape[2:])
+    truth = table_over(lambda states: demonstrators.truth.table(states).clamp(min=-10.0), flat)
+    truth = truth.reshape(truth.shape[0], played.shape[0], -1)
+    own = truth[np.arange(played.shape[0]), np.arange(played.shape[0])].mean(axis=1)
+    return {
+        "task_return": task_reward(played[:, :, 1:]).mean(axis=(1, 2)).tolist(),
+        "fallen": has_fallen(played).mean(axis=1).tolist(),
+        "style_distance_m": np.abs(settled - home).tolist(),
+        "true_preference": own.tolist(),
+        "cart_position": settled.tolist(),
+    }
