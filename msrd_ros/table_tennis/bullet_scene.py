@@ -16,17 +16,17 @@ from msrd_ros.table_tennis.scene import Scene
 
 Colour = tuple[float, float, float, float]
 
-TABLE_BLUE: Colour = (0.05, 0.22, 0.45, 1.0)
+TABLE_BLUE: Colour = (0.07, 0.33, 0.62, 1.0)
 LINE_WHITE: Colour = (0.94, 0.95, 0.96, 1.0)
 NET_GREY: Colour = (0.16, 0.19, 0.22, 1.0)
-LEG_GREY: Colour = (0.30, 0.31, 0.33, 1.0)
-FLOOR_GREY: Colour = (0.55, 0.52, 0.50, 1.0)
+LEG_GREY: Colour = (0.36, 0.37, 0.39, 1.0)
+FLOOR_GREY: Colour = (0.66, 0.71, 0.75, 1.0)
 BALL_ORANGE: Colour = (1.0, 0.62, 0.10, 1.0)
 FEEDER_GREEN: Colour = (0.16, 0.36, 0.30, 1.0)
 
 LINE_WIDTH_M = 0.02
 TAPE_WIDTH_M = 0.015
-_FLOOR_SIZE_M = (9.0, 6.0, 0.2)
+_FLOOR_SIZE_M = (400.0, 400.0, 0.2)
 _PAINT_M = 0.0015
 """How far painted lines stand out, so that they are not drawn within the table."""
 
@@ -127,7 +127,7 @@ class BulletScene:
             self._box((line, width, _PAINT_M), (side * (length - line), 0.0, top), LINE_WHITE)
             post = (0.0, side * (width + net.overhang_m), top + net.height_m / 2 - 0.02)
             self._box((0.01, 0.01, net.height_m / 2 + 0.02), post, LEG_GREY)
-        self._box((length, 0.0015, _PAINT_M), (0.0, 0.0, top), LINE_WHITE)
+        self._box((length, 0.004, _PAINT_M), (0.0, 0.0, top), LINE_WHITE)
         tape = TAPE_WIDTH_M / 2
         self._box(
             (net.thickness_m / 2 + _PAINT_M, width + net.overhang_m, tape),
