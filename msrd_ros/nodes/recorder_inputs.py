@@ -90,9 +90,16 @@ class RecorderInputs:
         # A bag holds the contract's names in the node's namespace; what they are remapped to passes away.
         full_name = self._node.resolve_topic_name(role, only_expand=True)
         self.topics[role] = BagTopic(full_name, type_name, latched=latched, depth=depth)
-        message_type = _import_type(type_name, role)
-        if message_type is None:
-            return
+        try:
+            describe_type(type_name)
+            message_type = import_message_type(type_name)
+        except UserError as error:
+            if role in LATCHED:
+                return  # the type of /tf_static is part of no wheel
+            raise UserError(
+                f"parameter extra_topics of {self._node.get_name()}: {role}: {error}; "
+                f"write NAME=PACKAGE/msg/TYPE"
+            ) from None
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         profile = QoSProfile(depth=MOST_LATCHED if role == TF_STATIC else depth, durability=durability)
         self._subscriptions[role] = AdaptiveSubscription(
@@ -117,17 +124,16 @@ class RecorderInputs:
         self.latched[role] = newest[-MOST_LATCHED:]
 
 
-def _import_type(type_name: str, role: str) -> Any:
-    """The class of a message type; None for /tf_static, whose type is part of no wheel."""
-    where = f"parameter extra_topics of recorder: {role}"
-    try:
-        describe_type(type_name)
-    except UserError as error:
-        raise UserError(f"{where}: {error}; write NAME=PACKAGE/msg/TYPE") from None
+def import_message_type(type_name: str) -> Any:
+    """The class of a message type such as ``nav_msgs/msg/Odometry``.
+
+    Raises
+    ------
+    UserError
+        If this installation does not have it.
+    """
     package, _, name = type_name.replace("/", ".").rpartition(".")
     try:
         return getattr(importlib.import_module(package), name)
-    except (ImportError, AttributeError):
-        if role in LATCHED:
-            return None
-        raise UserError(f"{where}: {type_name} is not installed; install it or leave the topic out") from None
+    except (ImportError, AttributeError, ValueError):
+        raise UserError(f"message type {type_name!r} is not installed; install its package") from None
