@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 from pathlib import Path
+
+from msrd_ros.facts.scratch import cache_directory
 
 __version__ = "0.1.0"
 
@@ -23,10 +24,8 @@ def _choose_numba_cache() -> None:
     for path in sorted([*package.glob("table_tennis/*.py"), package / "facts" / "motion_limits.py"]):
         facts = path.stat()
         state.update(f"{path.name} {facts.st_size} {facts.st_mtime_ns}".encode())
-    home = os.environ.get("XDG_CACHE_HOME") or (
-        Path(os.environ["HOME"], ".cache") if "HOME" in os.environ else tempfile.gettempdir()
-    )
-    os.environ["NUMBA_CACHE_DIR"] = str(Path(home, "msrd_ros", "numba", state.hexdigest()[:16]))
+    cache = cache_directory(os.environ) / "msrd_ros" / "numba"
+    os.environ["NUMBA_CACHE_DIR"] = str(cache / state.hexdigest()[:16])
 
 
 _choose_numba_cache()

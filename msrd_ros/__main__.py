@@ -8,12 +8,10 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-import tempfile
-from collections.abc import MutableMapping
-from pathlib import Path
 from typing import NamedTuple
 
 from msrd_ros.facts.errors import UserError
+from msrd_ros.facts.scratch import provide_writable_directories
 
 
 class Command(NamedTuple):
@@ -89,27 +87,6 @@ def _run(name: str, arguments: list[str]) -> int:
             "install it as README.md says under Installing"
         ) from error
     return int(module.main(arguments))
-
-
-def provide_writable_directories(environment: MutableMapping[str, str]) -> None:
-    """Give ROS logs, compiled kernels and fonts a temporary place where there is no home directory.
-
-    Without one that can be written to, rclpy refuses to start, and numba to cache. What the user set stays.
-    """
-    home = environment.get("HOME")
-    if home and os.access(home, os.W_OK):
-        return
-    scratch = Path(tempfile.gettempdir(), f"msrd_ros-{os.getuid()}")
-    scratch.mkdir(mode=0o700, exist_ok=True)
-    if scratch.stat().st_uid != os.getuid():
-        # Someone else made it: nothing may be loaded from there.
-        scratch = Path(tempfile.mkdtemp(prefix="msrd_ros-"))
-    for variable, directory in (
-        ("ROS_LOG_DIR", "ros_log"),
-        ("NUMBA_CACHE_DIR", "numba_cache"),
-        ("MPLCONFIGDIR", "matplotlib"),
-    ):
-        environment.setdefault(variable, str(scratch / directory))
 
 
 def _usage() -> str:

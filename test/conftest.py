@@ -17,7 +17,7 @@ from processes import CHECKOUT, PACKAGE, Installation, Launcher
 from rclpy.context import Context
 from rclpy.node import Node
 
-from msrd_ros.__main__ import provide_writable_directories
+from msrd_ros.facts.scratch import provide_writable_directories
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"

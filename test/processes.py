@@ -179,9 +179,17 @@ class Launcher:
 
     def __init__(self, installation: Installation, domain_id: int, directory: Path) -> None:
         self.installation = installation
-        self._domain_id = domain_id
+        self._variables = {**installation.environment(), "ROS_DOMAIN_ID": str(domain_id)}
         self._directory = CHECKOUT if installation.checkout else directory
         self._started: list[RunningProcess] = []
+
+    def set(self, variable: str, value: str) -> None:
+        """Set an environment variable of the processes to come."""
+        self._variables[variable] = value
+
+    def unset(self, variable: str) -> None:
+        """Take an environment variable from the processes to come."""
+        self._variables.pop(variable, None)
 
     def start(
         self, name: str, *arguments: str, parameters: Mapping[str, object] | None = None
@@ -202,8 +210,7 @@ class Launcher:
             command.append("--ros-args")
             for key, value in parameters.items():
                 command += ["-p", f"{key}:={_parameter_text(value)}"]
-        environment = {**self.installation.environment(), "ROS_DOMAIN_ID": str(self._domain_id)}
-        process = RunningProcess(name, command, environment, self._directory)
+        process = RunningProcess(name, command, self._variables, self._directory)
         self._started.append(process)
         return process
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
-from msrd_ros.__main__ import COMMANDS, EXECUTABLES, USER_ERROR, main, provide_writable_directories
+from msrd_ros.__main__ import COMMANDS, EXECUTABLES, USER_ERROR, main
 
 NODES = [name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")]
 TOOLS = [name for name in EXECUTABLES if name not in NODES]
@@ -118,15 +119,15 @@ def test_missing_dependency_is_named(tmp_path: Path) -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_home_is_not_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    environment = {"HOME": str(tmp_path / "nowhere"), "NUMBA_CACHE_DIR": "kept"}
-    provide_writable_directories(environment)
-    assert environment["NUMBA_CACHE_DIR"] == "kept"
-    assert Path(environment["ROS_LOG_DIR"]).is_relative_to(tmp_path)
-    at_home = {"HOME": str(tmp_path)}
-    provide_writable_directories(at_home)
-    assert at_home == {"HOME": str(tmp_path)}
+def test_home_is_not_needed(launcher: Launcher, ros_node: Node, tmp_path: Path) -> None:
+    launcher.set("HOME", "/nowhere")
+    launcher.set("TMPDIR", str(tmp_path))
+    for variable in ("ROS_LOG_DIR", "NUMBA_CACHE_DIR", "MPLCONFIGDIR", "XDG_CACHE_HOME"):
+        launcher.unset(variable)
+    process = launcher.start("simulator")
+    _ask(ros_node, process, ListParameters, "/simulator/list_parameters", ListParameters.Request())
+    assert process.stop() == 0, process.output
+    assert (tmp_path / f"msrd_ros-{os.getuid()}" / "ros_log").is_dir()
 
 
 def _ask(node: Node, process: RunningProcess, service: Any, topic: str, request: Any) -> Any:
