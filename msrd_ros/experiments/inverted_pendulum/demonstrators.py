@@ -78,7 +78,7 @@ class Recipe:
     short_sweeps, long_sweeps
         TRPO updates on episodes of 200 steps, then of the full 1,000.
     blur
-        DIAYN: resolution at which the posterior sees states, in the features' scale (0.1 is 5 cm).
+        DIAYN: resolution at which the posterior sees states, in the features' scale (0.05 is 2.5 cm).
     episodes
         Short episodes per strategy and sweep.
     kl
@@ -92,7 +92,7 @@ class Recipe:
     bound: float = 10.0
     short_sweeps: int = 200
     long_sweeps: int = 30
-    blur: float = 0.1
+    blur: float = 0.05
     episodes: int = 10
     kl: float = 0.03
 

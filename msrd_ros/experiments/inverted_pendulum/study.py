@@ -168,17 +168,32 @@ def _run(
     progress: Callable[[str], None],
 ) -> Estimate:
     """Train `method`, or take the run that is already there."""
-    kind = demonstrators.recipe.kind.value
-    data = demonstrators.demonstrate(plan.demonstrations, DEMONSTRATION_SEED + repetition)
-    config = _config_of(method, plan)
-    key = _key(kind, config, asdict(demonstrators.recipe), plan.demonstrations, repetition)
-    path = folder / f"{kind}-{method.value}-{repetition}-{key}.safetensors"
+    path = _run_path(plan, demonstrators, method, repetition, folder)
     if path.exists():
-        return restore(load_tensors(path.read_bytes()), method, data, plan.budget)
-    progress(f"{kind}: {method.value}, seed {repetition}")
+        return restored(plan, demonstrators, method, repetition, folder)
+    progress(f"{demonstrators.recipe.kind}: {method.value}, seed {repetition}")
+    data = demonstrators.demonstrate(plan.demonstrations, DEMONSTRATION_SEED + repetition)
     estimate = train(method, data, plan.budget, TRAINING_SEED + repetition, progress)
     write_atomically(path, save_tensors(estimate.tensors()))
     return estimate
+
+
+def restored(
+    plan: StudyPlan, demonstrators: Demonstrators, method: Method, repetition: int, folder: Path
+) -> Estimate:
+    """A run that was made before."""
+    data = demonstrators.demonstrate(plan.demonstrations, DEMONSTRATION_SEED + repetition)
+    path = _run_path(plan, demonstrators, method, repetition, folder)
+    return restore(load_tensors(path.read_bytes()), method, data, plan.budget)
+
+
+def _run_path(
+    plan: StudyPlan, demonstrators: Demonstrators, method: Method, repetition: int, folder: Path
+) -> Path:
+    kind = demonstrators.recipe.kind.value
+    recipe = asdict(demonstrators.recipe)
+    key = _key(kind, _config_of(method, plan), recipe, plan.demonstrations, repetition)
+    return folder / f"{kind}-{method.value}-{repetition}-{key}.safetensors"
 
 
 def _config_of(method: Method, plan: StudyPlan) -> Any:

@@ -89,21 +89,18 @@ def run_transfer(
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Train on every reward under every body; marks by body, method and reward, then per strategy."""
+    truth = demonstrators.truth
+
+    def true_reward(states: Tensor) -> Tensor:
+        return -states[None, :, 1].abs() + 0.1 * truth.table(states).clamp(min=-10.0)
+
     results: dict[str, Any] = {}
     for name, body in BODIES.items():
         table: dict[str, Any] = {
             "demonstrators": {
                 "their own policies": _judge(demonstrators.policies, demonstrators, body, plan.seed)
-            }
-        }
-        truth = demonstrators.truth
-        table["truth"] = {
-            "true R0 + 0.1 S_i": _train(
-                plan,
-                demonstrators,
-                body,
-                lambda states: -states[None, :, 1].abs() + 0.1 * truth.table(states).clamp(min=-10.0),
-            )
+            },
+            "truth": {"true R0 + 0.1 S_i": _train(plan, demonstrators, body, true_reward)},
         }
         for method, estimate in estimates.items():
             rows = {}
