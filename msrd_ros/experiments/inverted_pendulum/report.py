@@ -163,8 +163,8 @@ def _transfer(report: Report, transfer: dict[str, Any]) -> None:
     report.heading("Fresh policies on frozen rewards")
     report.paragraph(
         "Policies trained from scratch on what was inferred (first seed), where it was demonstrated and "
-        "where the dynamics have changed. Style distance: how far the cart settles from the demonstrator's. Means "
-        "over the twenty strategies."
+        "where the dynamics have changed. Style distance: how far the cart settles from the demonstrator's. "
+        "Means over the twenty strategies."
     )
     for body, table in transfer.items():
         rows = []
