@@ -52,7 +52,9 @@ setup(
     maintainer_email="maintainers@msrd-ros.example",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "**/*.json", "**/*.npz", "**/*.safetensors", "**/*.urdf", "**/*.html", "**/*.css"]},
+    package_data={
+        NAME: ["py.typed", "**/*.json", "**/*.npz", "**/*.safetensors", "**/*.urdf", "**/*.html", "**/*.css"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
