@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
 import yaml
 from mcap_doctor import examine
 from processes import Launcher, RunningProcess
 from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -29,12 +32,12 @@ from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.outcome import MissReason
 from msrd_ros.facts.translation import EpisodeAssembler
-from msrd_ros.nodes.recorder import main
+from msrd_ros.nodes.recorder import Recorder, main
 
 pytestmark = pytest.mark.processes
 
 SIMULATED_START_NS = 2_000_000_000
-READY = r"ready: (recording|waiting)"
+ALL_HEARD = "hears joint_states, ball/position, feed, strategy, rally/outcome$"
 
 
 @pytest.fixture
@@ -45,7 +48,7 @@ def source(ros_node: Node) -> StrokeSource:
 def start(launcher: Launcher, source: StrokeSource, directory: Path, **parameters: Any) -> RunningProcess:
     """A recorder that everything is connected to."""
     process = launcher.start("recorder", parameters={"directory": directory, **parameters})
-    process.wait_for_line(READY)
+    process.wait_for_line(ALL_HEARD)
     source.wait_for_match()
     if "robot_description" in source.publishers:
         source.publishers["robot_description"].publish(described().data)
@@ -313,17 +316,37 @@ def test_killed_in_mid_stroke_every_accepted_bag_is_whole(
         assert len(read_episodes(Bag(path))) == 1
 
 
-def test_told_to_stop_right_after_an_outcome_the_stroke_is_kept(
-    launcher: Launcher, source: StrokeSource, tmp_path: Path
-) -> None:
-    process = start(launcher, source, tmp_path)
-    source.send(simulated(0))
-    source.verdict(1)
-    source.send(simulated(1))
-    source.wait_until(lambda: source.publishers["rally/outcome"].wait_for_all_acked(), "acknowledgement")
-    assert process.stop(signal.SIGTERM) == 0
-    assert len(BagLibrary.scan(tmp_path).bags) == 2
-    assert "Traceback" not in process.output
+@pytest.mark.usefixtures("domain_id")
+def test_what_is_decided_when_the_node_closes_is_kept(tmp_path: Path) -> None:
+    rclpy.init(args=["--ros-args", "-p", f"directory:={tmp_path}"])
+    try:
+        recorder = Recorder()
+        source = StrokeSource(Node("test_source"), SENT)
+        executor = SingleThreadedExecutor()
+        executor.add_node(recorder)
+
+        def spun_until(condition: Callable[[], Any]) -> bool:
+            executor.spin_once(timeout_sec=0.05)
+            return bool(condition())
+
+        source.wait_until(
+            lambda: spun_until(lambda: recorder.diagnose()[1]["hears"] == " ".join(SENT)), "match"
+        )
+        *flight, outcome = simulated()
+        for message in flight:
+            source.send([message])
+            spun_until(lambda: True)
+        for _ in range(300):
+            executor.spin_once(timeout_sec=0.001)
+        source.send([outcome])
+        # Decided and not yet cut: the joint states have not gone past the outcome.
+        source.wait_until(lambda: spun_until(lambda: recorder.diagnose()[1]["decided"]), "outcome")
+        recorder.close()
+        recorder.destroy_node()
+        source.node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    assert len(BagLibrary.scan(tmp_path).bags) == 1
 
 
 def test_lost_messages_are_noticed(launcher: Launcher, source: StrokeSource, tmp_path: Path) -> None:
@@ -354,7 +377,7 @@ def test_lost_messages_are_noticed(launcher: Launcher, source: StrokeSource, tmp
         ("directory:=/dev/null/bags", ("parameter directory", "cannot be written")),
     ],
 )
-@pytest.mark.usefixtures("domain_id", "own_signals")
+@pytest.mark.usefixtures("domain_id", "tidy")
 def test_wrong_parameters_are_refused_by_name(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], parameter: str, words: tuple[str, ...]
 ) -> None:
@@ -365,12 +388,13 @@ def test_wrong_parameters_are_refused_by_name(
 
 
 @pytest.fixture
-def own_signals() -> Iterator[None]:
-    """An executable run in this process leaves its signal handlers behind; put ours back."""
+def tidy() -> Iterator[None]:
+    """What an executable leaves behind in this process is cleared away: signal handlers, a node half made."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in handlers.items():
         signal.signal(number, handler)
+    gc.collect()
 
 
 def test_extra_topics_are_recorded_and_a_full_disk_is_told(
@@ -378,14 +402,16 @@ def test_extra_topics_are_recorded_and_a_full_disk_is_told(
 ) -> None:
     source = StrokeSource(ros_node, topics=[*SENT, "ball/odometry"])
     full = {"directory": tmp_path / "full", "minimum_free_mb": 1e9, "subject": "s02"}
-    launcher.start("recorder", parameters=full).wait_for_line(READY)
+    launcher.start("recorder", parameters=full).wait_for_line(ALL_HEARD)
     extra = "[ball/odometry, stray=std_msgs/msg/Header]"
     start(launcher, source, tmp_path / "room", extra_topics=extra)
-    source.wait_until(lambda: source.publishers["strategy"].get_subscription_count() == 2, "both recorders")
+    both = [source.publishers[topic] for topic in SENT]
+    source.wait_until(lambda: all(item.get_subscription_count() == 2 for item in both), "both recorders")
     truth = [BagMessage("ball/odometry", m.data, m.log_time_ns, 0) for m in simulated() if m.topic == "feed"]
     source.send(sorted([*simulated(), *truth], key=lambda message: message.log_time_ns))
     source.verdict(2)
     verdicts = {verdict["subject"]: verdict for verdict in source.verdicts}
     assert verdicts["s02"]["reason"] == "disk_full"
     assert list((tmp_path / "full").iterdir()) == []
+    assert verdicts["s01"]["kept"] == "true", verdicts["s01"]
     assert "/ball/odometry" in Bag(verdicts["s01"]["path"]).info.types

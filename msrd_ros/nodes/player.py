@@ -40,10 +40,9 @@ from msrd_ros.nodes.recorder_inputs import LATCHED, MOST_LATCHED, STREAMED, impo
 TICK_S = 0.001
 BURST = 50
 """Messages that may go out at once after a pause, without waiting for the pace."""
-ACKNOWLEDGE_EVERY = 400
-"""Well below the queues' depth of 1,000, so that none overflows before its reader has answered."""
 ACKNOWLEDGE_S = 0.05
 PATIENCE_S = 5.0
+"""How long to wait at the end: Fast DDS asks its readers what they have every 3 s."""
 GRACE_S = 1.0
 """How long to wait for the less important subscribers once there are some for joints and ball."""
 CLOCK_PERIOD_NS = 5_000_000
@@ -109,7 +108,6 @@ class Player(StackNode):
         self._ticked_s = time.monotonic()
         self._since_s = time.monotonic()
         self._first_sent_s = 0.0
-        self._unacknowledged = 0
         self._played_bags = 0
         self._failed_bags = 0
         self._sent = 0
@@ -218,14 +216,11 @@ class Player(StackNode):
             self._first_sent_s = now_s + (0.0 if needed else self.config.start_delay_s)
         if now_s >= self._first_sent_s:
             self._state = State.PLAYING
-            self._since_s = now_s
 
     def _play(self, now_s: float) -> None:
         pace = self.config.max_messages_per_s
         self._budget = min(self._budget + (now_s - self._ticked_s) * pace, BURST)
         while self._budget >= 1.0:
-            if self._unacknowledged >= ACKNOWLEDGE_EVERY and not self._acknowledged(now_s):
-                return
             if not self._messages and not self._open_next_bag():
                 if not self._played_bags:
                     raise UserError("no bag could be played; see the lines above")
@@ -252,30 +247,19 @@ class Player(StackNode):
         self._last_sent[message.topic] = message.data
         self._budget -= 1.0
         self._sent += 1
-        self._unacknowledged += 1
-
-    def _acknowledged(self, now_s: float) -> bool:
-        """Whether all subscribers have what was sent; after some patience it goes on without them."""
-        publishers = [item for item in self._outputs.values() if item is not None]
-        wait = Duration(seconds=ACKNOWLEDGE_S)
-        if all(item.wait_for_all_acked(wait) for item in publishers):
-            self._unacknowledged = 0
-            self._since_s = now_s
-            return True
-        if now_s - self._since_s > PATIENCE_S:
-            self.get_logger().warning("a subscriber does not acknowledge what is sent; going on without it")
-            self._unacknowledged = 0
-            self._since_s = now_s
-            return True
-        return False
 
     def _end(self, now_s: float) -> None:
-        if not self._acknowledged(now_s):
-            return
+        """End once all subscribers have what was sent."""
+        wait = Duration(seconds=ACKNOWLEDGE_S)
+        outputs = [output for output in self._outputs.values() if output is not None]
+        if not all(output.wait_for_all_acked(wait) for output in outputs):
+            if now_s - self._since_s < PATIENCE_S:
+                return
+            self.get_logger().warning("a subscriber does not acknowledge what was sent; it may lack the end")
         refused = f", {self._failed_bags} left out" if self._failed_bags else ""
         self.get_logger().info(
             f"played {self._played_bags} bags, {self._sent} messages in "
-            f"{now_s - self._first_sent_s:.1f} s{refused}"
+            f"{self._since_s - self._first_sent_s:.1f} s{refused}"
         )
         raise Finished
 

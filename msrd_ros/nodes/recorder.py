@@ -123,6 +123,7 @@ class Recorder(StackNode):
             "messages_lost": self._inputs.lost,
             "disk_left_mb": self._keeper.free_bytes // MEGABYTE,
             "stroke_under_way": self._buffer.under_way,
+            "decided": self._buffer.pending,
             "hears": " ".join(self._heard),
         }
 
