@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.facts.sawyer import JOINT_COUNT, TORQUE_LIMIT_NM
+from msrd_ros.facts.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
 from msrd_ros.table_tennis.dynamics import JOINT_FRICTION_NM_S, inverse_dynamics, mass_matrix
 from msrd_ros.table_tennis.joint_brake import brake_torques
 from msrd_ros.table_tennis.kinematics import paddle_jacobian
@@ -39,14 +39,19 @@ class Grip(NamedTuple):
 
 
 class Floating(NamedTuple):
-    """How the arm gives way: damping of each joint (7,) in Nm s, a rate 1/s at which an arm that nobody leads
-    is slowed down, and the shares of the speed limits where the brakes begin and are fully on.
+    """How the arm gives way: damping of each joint (7,) in Nm s, and the shares of the speed limits where the
+    brakes begin and are fully on.
     """
 
     damping: Array
-    stop_rate: float
     brake_from: float
     brake_full: float
+
+
+_TOO_FAST = 1.005
+"""Share of a speed limit from which the hand gives way, because the brakes alone do not hold the joint."""
+_GIVE_WAY = 10
+"""How often the hand halves its grip within a step; then it lets go for this step."""
 
 
 @njit(cache=True, nogil=True)
@@ -69,6 +74,8 @@ def float_step(
 ) -> None:
     """Write the torques of the coming step: the motors' and those that the hand's wrench makes.
 
+    A hand stronger than the brakes gives way, so that it cannot tear a joint over its speed limit.
+
     Parameters
     ----------
     position, velocity
@@ -78,7 +85,7 @@ def float_step(
     twist
         Of the hand, shape (6,), m/s and rad/s.
     grip
-        Zero gains for no hand.
+        Of the hand.
     floating
         The arm's own manners.
     step
@@ -90,36 +97,52 @@ def float_step(
     inertia = mass_matrix(position)
     jacobian = paddle_jacobian(position)
     damping = floating.damping
-    stopping = floating.stop_rate * inertia
     force_share = torque_share = 1.0
     coming: Array = velocity.copy()
-    mobility: Array = np.empty((JOINT_COUNT, JOINT_COUNT))
-    stiffness = grip.stiffness.copy()
-    resistance = grip.damping.copy()
-    for _ in range(3):
-        stiffness[:3], stiffness[3:] = grip.stiffness[:3] * force_share, grip.stiffness[3:] * torque_share
-        resistance[:3], resistance[3:] = grip.damping[:3] * force_share, grip.damping[3:] * torque_share
-        pull = jacobian.T * (step * stiffness + resistance)
-        heavy = inertia + step * (pull @ jacobian + stopping)
-        for joint in range(JOINT_COUNT):
-            heavy[joint, joint] += step * damping[joint]
-        mobility[:] = step * np.linalg.inv(heavy)
-        drive = jacobian.T @ (stiffness * lead + resistance * twist)
-        coming = mobility @ (inertia @ velocity / step + drive)
-        # A hand at the end of its strength is a hand with a softer grip.
-        going = jacobian @ coming
-        wrench = stiffness * (lead - step * going) + resistance * (twist - going)
-        force = _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
-        torque = _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
-        force_share *= force
-        torque_share *= torque
-        if force > 0.999 and torque > 0.999:
+    brake = np.zeros(JOINT_COUNT)
+    wrench = np.zeros(6)
+    for attempt in range(_GIVE_WAY + 1):
+        for _ in range(3):
+            stiffness = _shared(grip.stiffness, force_share, torque_share)
+            resistance = _shared(grip.damping, force_share, torque_share)
+            pull = jacobian.T * (step * stiffness + resistance)
+            heavy = inertia + step * (pull @ jacobian)
+            for joint in range(JOINT_COUNT):
+                heavy[joint, joint] += step * damping[joint]
+            mobility: Array = step * np.linalg.inv(heavy)
+            drive = jacobian.T @ (stiffness * lead + resistance * twist)
+            coming[:] = mobility @ (inertia @ velocity / step + drive)
+            # A hand at the end of its strength is a hand with a softer grip.
+            wrench = _wrench(jacobian @ coming, lead, twist, stiffness, resistance, step)
+            force = _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
+            torque = _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
+            force_share *= force
+            torque_share *= torque
+            if force > 0.999 and torque > 0.999:
+                break
+        brake = brake_torques(coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
+        wrench = _wrench(jacobian @ coming, lead, twist, stiffness, resistance, step)
+        if np.all(np.abs(coming) <= _TOO_FAST * SPEED_LIMIT_RAD_S):
             break
-    brake = brake_torques(coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
-    going = jacobian @ coming
-    wrench = stiffness * (lead - step * going) + resistance * (twist - going)
+        keep = 0.5 if attempt < _GIVE_WAY - 1 else 0.0
+        force_share, torque_share = keep * force_share, keep * torque_share
     wrench[:3] *= _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
     wrench[3:] *= _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
     outside[:] = jacobian.T @ wrench
-    wanted = carry - damping * coming - stopping @ coming + brake
+    wanted = carry - damping * coming + brake
     motor[:] = np.minimum(np.maximum(wanted, -TORQUE_LIMIT_NM), TORQUE_LIMIT_NM)
+
+
+@njit(cache=True, nogil=True)
+def _shared(gains: Array, force_share: float, torque_share: float) -> Array:
+    softer = gains * force_share
+    softer[3:] = gains[3:] * torque_share
+    return softer
+
+
+@njit(cache=True, nogil=True)
+def _wrench(
+    going: Array, lead: Array, twist: Array, stiffness: Array, resistance: Array, step: float
+) -> Array:
+    """What spring and damper give if the paddle's twist over the step is `going`; all of shape (6,)."""
+    return stiffness * (lead - step * going) + resistance * (twist - going)

@@ -110,6 +110,7 @@ class Rally:
         self._driver = JointDriver(STEP_S, self.config.scene.table, self.config.driver)
         self._guidance = HandGuidance(self.config.guidance, STEP_S)
         self._teaching = False
+        self._led = False
         self._resting = True
         self._steps = 0
         self._effort: Array = np.zeros(JOINT_COUNT)
@@ -215,6 +216,7 @@ class Rally:
             )
         self._ball_in_play = False
         self._guidance.release()
+        self._led = False
         self._rest_at(angles)
 
     def command(self, position: Array, velocity: Array, period_s: float) -> None:
@@ -249,13 +251,14 @@ class Rally:
         return self._teaching
 
     def set_teach(self, teaching: bool) -> None:
-        """Enter or leave zero-g; the arm is where it is, and without a hand it comes to rest there."""
+        """Enter or leave teach mode; without a hand the arm comes to rest where it is."""
         if teaching == self._teaching:
             return
         self._teaching = teaching
         self._guidance.release()
+        self._led = False
         if not self._resting:
-            self._driver.hold_at(self._arm.position, None if teaching else self._arm.velocity)
+            self._driver.hold_at(self._arm.position, self._arm.velocity)
 
     def lead_hand(
         self,
@@ -296,6 +299,7 @@ class Rally:
         if not self._teaching:
             raise UserError("the arm is not in teach mode; switch it on before leading the hand")
         self._guidance.lead(self.time, gesture)
+        self._led = True
         self._resting = False
 
     def release_hand(self) -> None:
@@ -424,7 +428,10 @@ class Rally:
 
     def _move_arm(self) -> None:
         arm = self._arm
-        if self._teaching:
+        if self._led and not self._guidance.holds_on(self.time):
+            self._led = False
+            self._driver.hold_at(arm.position, arm.velocity)
+        if self._led:
             self._guidance.torque(self.time, arm.position, arm.velocity, self._effort, self._total_torque)
             arm.apply(self._total_torque)
         else:
@@ -433,10 +440,7 @@ class Rally:
         pybullet.stepSimulation(physicsClientId=self._client)
         arm.read()
         self.limits.note(arm.position, arm.velocity, self._effort)
-        if self._teaching:
-            if not self._guidance.leading and np.abs(arm.velocity).max() < _REST_VELOCITY_RAD_S:
-                self._rest_at(arm.position)
-        elif self._driver.reference_rests:
+        if not self._led and self._driver.reference_rests:
             goal = self._driver.reference.position
             if (
                 np.abs(arm.velocity).max() < _REST_VELOCITY_RAD_S

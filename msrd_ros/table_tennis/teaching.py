@@ -2,7 +2,8 @@
 
 Hand and paddle are held together by a spring-damper of limited force. The motors carry the arm's weight,
 damp the joints a little, and brake every joint that comes near its speed limit; whatever they do, they
-keep to their torque limits. The hand's wrench acts on the paddle from outside, beside the motors.
+keep to their torque limits. The hand's wrench acts on the paddle from outside, beside the motors. An arm
+that nobody leads is held by its driver.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ __all__ = ["GuidanceConfig", "HandGesture", "HandGuidance"]
 
 Array = NDArray[np.float64]
 
-NO_GRIP = Grip(np.zeros(6), np.zeros(6), 1.0, 1.0)
-
 
 @dataclass(frozen=True)
 class GuidanceConfig:
@@ -40,8 +39,6 @@ class GuidanceConfig:
         Share of its speed limit from which a joint is braked.
     brake_full
         Share of its speed limit at which the brake would use the joint's whole torque.
-    stop_time_s
-        Time constant with which an arm that was let go comes to rest.
     hand_timeout_s
         A streamed hand that has not been heard of for so long has let go.
     """
@@ -55,12 +52,11 @@ class GuidanceConfig:
     joint_damping_nm_s: tuple[float, ...] = (4.0, 4.0, 2.0, 2.0, 0.3, 0.3, 0.1)
     brake_from: float = 0.9
     brake_full: float = 0.98
-    stop_time_s: float = 0.1
     hand_timeout_s: float = 0.1
 
 
 class HandGuidance:
-    """The hand, if there is one, and the floating arm's answer to it."""
+    """The hand, while there is one, and the floating arm's answer to it."""
 
     def __init__(self, config: GuidanceConfig, step_s: float) -> None:
         self._config = config
@@ -72,8 +68,7 @@ class HandGuidance:
             config.torque_limit_nm,
         )
         damping = np.array(config.joint_damping_nm_s)
-        self._led = Floating(damping, 0.0, config.brake_from, config.brake_full)
-        self._let_go = self._led._replace(stop_rate=1.0 / config.stop_time_s)
+        self._floating = Floating(damping, config.brake_from, config.brake_full)
         self.leading = False
         self._start_s = 0.0
         self._times: Array = np.zeros(1)
@@ -107,17 +102,18 @@ class HandGuidance:
             twist,
         )
 
-    def torque(self, time_s: float, position: Array, velocity: Array, motor: Array, total: Array) -> None:
-        """Write the motors' torques and their sum with the hand's, shape (7,) each, for the coming step."""
+    def holds_on(self, time_s: float) -> bool:
+        """Whether the hand still leads; one that was streamed and fell silent has let go."""
         if self.leading and len(self._times) == 1:
             self.leading = time_s - self._start_s - self._times[0] <= self._config.hand_timeout_s
-        lead, twist = np.zeros(6), np.zeros(6)
-        if self.leading:
-            centre, rotation, twist = self.target(time_s + self._step_s)
-            here, turned_here = paddle_pose(position)
-            lead[:3] = centre - here
-            lead[3:] = turn_between(turned_here, rotation)
-        grip = self._grip if self.leading else NO_GRIP
-        floating = self._led if self.leading else self._let_go
-        float_step(position, velocity, lead, twist, grip, floating, self._step_s, motor, total)
+        return self.leading
+
+    def torque(self, time_s: float, position: Array, velocity: Array, motor: Array, total: Array) -> None:
+        """Write the torques of an arm that is led: the motors', and their sum with the hand's, shape (7,)."""
+        centre, rotation, twist = self.target(time_s + self._step_s)
+        here, turned_here = paddle_pose(position)
+        lead = np.empty(6)
+        lead[:3] = centre - here
+        lead[3:] = turn_between(turned_here, rotation)
+        float_step(position, velocity, lead, twist, self._grip, self._floating, self._step_s, motor, total)
         total += motor
