@@ -17,13 +17,8 @@ from msrd_ros.table_tennis.hit_solver import POSITION, RATE, TIME, HitWish, solv
 from msrd_ros.table_tennis.joint_stroke import JointStroke
 from msrd_ros.table_tennis.led_stroke import AttentionConfig, Intent, LedStroke
 from msrd_ros.table_tennis.scene import Scene
-from msrd_ros.table_tennis.stroke_planner import (
-    PATH_PERIOD_S,
-    PlannerConfig,
-    face_sign,
-    feed_path,
-    planned_strokes,
-)
+from msrd_ros.table_tennis.stroke_planner import planned_strokes
+from msrd_ros.table_tennis.stroke_side import PATH_PERIOD_S, PlannerConfig, face_sign, feed_path
 from msrd_ros.table_tennis.study_design import subject_name
 from msrd_ros.table_tennis.teaching import GuidanceConfig
 
