@@ -99,6 +99,7 @@ def float_step(
     damping = floating.damping
     force_share = torque_share = 1.0
     coming: Array = velocity.copy()
+    mobility: Array = np.empty((JOINT_COUNT, JOINT_COUNT))
     brake = np.zeros(JOINT_COUNT)
     wrench = np.zeros(6)
     for attempt in range(_GIVE_WAY + 1):
@@ -109,7 +110,7 @@ def float_step(
             heavy = inertia + step * (pull @ jacobian)
             for joint in range(JOINT_COUNT):
                 heavy[joint, joint] += step * damping[joint]
-            mobility: Array = step * np.linalg.inv(heavy)
+            mobility[:] = step * np.linalg.inv(heavy)
             drive = jacobian.T @ (stiffness * lead + resistance * twist)
             coming[:] = mobility @ (inertia @ velocity / step + drive)
             # A hand at the end of its strength is a hand with a softer grip.
