@@ -18,9 +18,9 @@ from typing import Any
 from msrd_ros.experiments.monitor import Monitor
 from msrd_ros.experiments.processes import NodeProcess, own_domain
 from msrd_ros.experiments.report import write_text
+from msrd_ros.experiments.stroke_training import POLICIES_FILE, RESULT_FILE
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS
-from msrd_ros.nodes.trainer import POLICIES_FILE, RESULT_FILE
 
 
 @dataclass(frozen=True)

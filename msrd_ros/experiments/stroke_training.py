@@ -40,6 +40,8 @@ from msrd_ros.table_tennis.kinematic_rallies import (
 )
 
 METHODS = ("msrd", "airl")
+POLICIES_FILE = "policies.safetensors"
+RESULT_FILE = "training.json"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,13 @@ from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.reader import Bag
 from msrd_ros.experiments.report import write_text
 from msrd_ros.experiments.stroke_rollouts import BulletCollector, BulletPlayers
-from msrd_ros.experiments.stroke_training import METHODS, StrokeTraining, StrokeTrainingConfig
+from msrd_ros.experiments.stroke_training import (
+    METHODS,
+    POLICIES_FILE,
+    RESULT_FILE,
+    StrokeTraining,
+    StrokeTrainingConfig,
+)
 from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
@@ -40,9 +46,7 @@ from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.table_tennis.feeder import SPREADS
 from msrd_ros.table_tennis.world import WorldConfig
 
-POLICIES_FILE = "policies.safetensors"
 CHECKPOINT_FILE = "checkpoint.safetensors"
-RESULT_FILE = "training.json"
 
 
 @dataclass(frozen=True)
