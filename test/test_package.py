@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import os
 import re
 import subprocess
@@ -17,6 +18,7 @@ from processes import CHECKOUT, PACKAGE, Installation
 
 import msrd_ros
 from msrd_ros.__main__ import EXECUTABLES
+from msrd_ros.nodes.parameter_files import NODES, config_type, parameter_file
 
 SHARED_FOLDERS = ("config", "launch", "bags")
 
@@ -122,15 +124,17 @@ def test_launch_file_starts_what_there_is(path: Path) -> None:
 
 def test_every_node_has_a_parameter_file_and_every_file_a_node() -> None:
     nodes = {name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")}
-    assert {path.stem for path in (CHECKOUT / "config").glob("*.yaml")} == nodes
+    assert set(NODES) == nodes
+    assert {path.stem for path in (CHECKOUT / "config").iterdir()} == nodes
 
 
-@pytest.mark.parametrize("path", sorted((CHECKOUT / "config").glob("*.yaml")), ids=lambda path: path.name)
-def test_parameter_file_has_the_layout_that_ros_reads(path: Path) -> None:
-    content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    assert set(content) == {path.stem}
-    assert set(content[path.stem]) == {"ros__parameters"}
-    assert content[path.stem]["ros__parameters"]
+@pytest.mark.parametrize("node", NODES)
+def test_parameter_file_repeats_what_the_node_declares(node: str) -> None:
+    text = (CHECKOUT / "config" / f"{node}.yaml").read_text(encoding="utf-8")
+    assert text == parameter_file(node), "run `python -m msrd_ros.nodes.parameter_files`"
+    content = yaml.safe_load(text)[node]["ros__parameters"]
+    defaults = {key: value for key, value in dataclasses.asdict(config_type(node)()).items() if value != []}
+    assert content == defaults
 
 
 @pytest.mark.parametrize(("distribution", "with_wheels"), [("", True), ("jazzy", False)])
