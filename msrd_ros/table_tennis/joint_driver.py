@@ -33,6 +33,10 @@ FOLLOWING_ERROR_RAD = 0.1
 """A joint so far from its reference has met something: the reference then starts anew from the arm."""
 
 
+MOVES, STANDS, BLOCKED = 0, 1, 2
+"""What `drive` says of the reference."""
+
+
 @dataclass(frozen=True)
 class DriverGains:
     """Correction of tracking errors as accelerations, so that every joint is equally stiff.
@@ -131,7 +135,7 @@ def drive(
     table: Array,
     carefree: Array,
     torque: Array,
-) -> None:
+) -> int:
     """One step of the driver: move the reference and write the torques.
 
     Parameters
@@ -146,7 +150,16 @@ def drive(
         Stiffness, damping, catch-up, shape (3,).
     torque
         Written, shape (7,).
+
+    Returns
+    -------
+    int
+        `MOVES`, `STANDS` if the reference stood still, or `BLOCKED`, and nothing was done, if the arm is far
+        from its reference.
     """
+    for joint in range(JOINT_COUNT):
+        if abs(state[0, joint] - measured_position[joint]) > FOLLOWING_ERROR_RAD:
+            return BLOCKED
     now = state[0].copy()
     move_reference(state, command, elapsed, period, step, gains[2], table, carefree)
     computed_torque(
@@ -161,6 +174,8 @@ def drive(
         torque,
     )
     before[:] = now
+    stands = np.all(state[1] == 0.0) and np.all(state[0] == now)
+    return STANDS if stands else MOVES
 
 
 class JointDriver:
@@ -238,11 +253,14 @@ class JointDriver:
 
     def torque(self, position: Array, velocity: Array, torque: Array) -> None:
         """Write the torques (7,) for the coming step, given the measured state (7,), into `torque`."""
-        if np.abs(self._state[0] - position).max() > FOLLOWING_ERROR_RAD:
+        if self._drive(position, velocity, torque) == BLOCKED:
             # Something is in the way: start anew from where the arm is, as a colliding robot stops.
             self.hold_at(position, velocity)
+            self._drive(position, velocity, torque)
+
+    def _drive(self, position: Array, velocity: Array, torque: Array) -> int:
         done = self._steps - self._steps_left + 1 if self._steps_left else self._steps + 1
-        drive(
+        result: int = drive(
             position,
             velocity,
             self._before,
@@ -256,7 +274,7 @@ class JointDriver:
             self._carefree,
             torque,
         )
-        if self._steps_left:
-            self._steps_left -= 1
-        still = not self._state[1].any() and np.array_equal(self._before, self._state[0])
-        self.reference_rests = still and not self._steps_left
+        if result != BLOCKED:
+            self._steps_left = max(self._steps_left - 1, 0)
+            self.reference_rests = result == STANDS and not self._steps_left
+        return result

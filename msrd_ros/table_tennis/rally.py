@@ -7,6 +7,7 @@ bit for bit whatever was played before.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Self
@@ -119,6 +120,8 @@ class Rally:
         self._ball: Array = Feed(Feeder().position_m, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).state()
         self._referee = new_referees(1)
         self._ball_steps = 0
+        self._shortest_steps = math.ceil(self.config.shortest_s / STEP_S - 1e-9)
+        self._longest_steps = math.ceil(self.config.longest_s / STEP_S - 1e-9)
         self._ball_in_play = False
         self._balls_launched = 0
         self._outcome: Outcome | None = None
@@ -456,7 +459,7 @@ class Rally:
     def _move_ball(self, before: Array, after: Array) -> None:
         step_ball(self._ball, self._referee, before, after, self.ball_time, STEP_S, self._constants)
         self._ball_steps += 1
-        decided = self._referee["verdict"][0] != IN_PLAY
-        passed = self._ball_steps * STEP_S
-        if (decided and passed >= self.config.shortest_s) or passed >= self.config.longest_s:
-            self.abort()
+        if self._ball_steps >= self._shortest_steps:
+            decided = self._referee["verdict"][0] != IN_PLAY
+            if decided or self._ball_steps >= self._longest_steps:
+                self.abort()
