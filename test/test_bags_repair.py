@@ -71,8 +71,6 @@ def test_all_but_the_torn_end_comes_back(
 
 
 def test_part_of_an_uncompressed_chunk_comes_back(tmp_path: Path, stroke: list[BagMessage]) -> None:
-    path = keep_stroke(tmp_path, "s01", LABEL, topics_of(stroke_messages()), stroke[1:], {})
-    shutil.rmtree(path)
     broken = killed(tmp_path / "session", stroke, CompressionType.NONE, chunk_size=100_000)
     file = broken / "recording_0.mcap"
     whole = file.read_bytes()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.schemas import deserialise, serialise
 from msrd_ros.bags.strokes import Stroke
-from msrd_ros.bags.topics import BALL_POSITION, CONTRACT, JOINT_STATES, STRATEGY, BagMessage
+from msrd_ros.bags.topics import BALL_POSITION, CONTRACT, FEED, JOINT_STATES, STRATEGY, BagMessage
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.outcome import RETURNED
@@ -152,10 +152,12 @@ def _inspect_motion(
             read_ball_position(message)
     except UserError as error:
         return Verdict(Refusal.BAD_BALL, str(error))
-    gap_s = _longest_gap_s(stroke, joints, joint_times)
+    gap_s = _longest_gap_s(stroke, joints, joint_times, stroke.messages[0].log_time_ns)
     if gap_s > limits.joint_gap_s:
         return Verdict(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s")
-    gap_s = _longest_gap_s(stroke, balls, ball_times)
+    # A ball that a person throws is in nobody's sight before.
+    fed = any(message.topic == FEED for message in stroke.messages)
+    gap_s = _longest_gap_s(stroke, balls, ball_times, stroke.launch_ns if fed else balls[0].log_time_ns)
     if gap_s > limits.ball_gap_s:
         return Verdict(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s")
     return _inspect_speed(np.array(velocities), np.array(joint_times), limits)
@@ -165,12 +167,14 @@ def _read(message: BagMessage, role: str) -> Any:
     return deserialise(message.data, CONTRACT[role].type_name)
 
 
-def _longest_gap_s(stroke: Stroke, messages: list[BagMessage], stamps_ns: list[int]) -> float:
-    """Longest time without a new sample, in their own stamps, and by arrival at both ends of the flight."""
+def _longest_gap_s(stroke: Stroke, messages: list[BagMessage], stamps_ns: list[int], begin_ns: int) -> float:
+    """Longest time without a new sample: by stamps in flight, by arrival from `begin_ns` and to the end."""
     times = [message.log_time_ns for message in messages]
-    ends = max(min(times) - stroke.launch_ns, stroke.end_ns - max(times), 0)
-    inside = [time for time, log in zip(stamps_ns, times, strict=True) if log >= stroke.launch_ns]
-    between = np.diff(np.unique(inside)).max(initial=0)
+    ends = max(min(times) - begin_ns, stroke.end_ns - max(times), 0)
+    stamps, first = np.unique(stamps_ns, return_index=True)
+    # The pause before a sample counts if the sample came in flight; what paused before the launch does not.
+    in_flight = np.array(times)[first][1:] >= stroke.launch_ns
+    between = np.diff(stamps)[in_flight].max(initial=0)
     return float(max(ends, between)) / 1e9
 
 
