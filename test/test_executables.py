@@ -66,9 +66,10 @@ def test_tool_starts_and_stops(installed: Launcher, name: str) -> None:
 
 @pytest.mark.parametrize("name", EXECUTABLES)
 def test_command_line_is_checked(launcher: Launcher, name: str) -> None:
-    process = launcher.start(name, "--no-such-option")
+    wrong = "--no-such-option" if name in NODES else "no_such_study"
+    process = launcher.start(name, wrong)
     assert process.wait(START_TIMEOUT_S) == USER_ERROR, process.output
-    assert "--no-such-option" in process.output
+    assert wrong in process.output
     assert "Traceback" not in process.output
 
 

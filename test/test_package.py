@@ -54,14 +54,14 @@ def test_executables_are_where_ros2_run_looks(installation: Installation) -> Non
         assert path.read_text(encoding="utf-8").startswith("#!/usr/bin/env python3\n")
 
 
-def test_share_directory_is_complete(installation: Installation) -> None:
+def test_share_directory_is_complete(installation: Installation, source: Path) -> None:
     share = installation.share()
-    assert (share / "package.xml").read_bytes() == (CHECKOUT / "package.xml").read_bytes()
+    assert (share / "package.xml").read_bytes() == (source / "package.xml").read_bytes()
     for folder in SHARED_FOLDERS:
-        assert files_below(share / folder) == files_below(CHECKOUT / folder), folder
+        assert files_below(share / folder) == files_below(source / folder), folder
 
 
-def test_installed_code_is_the_checkouts_code(installation: Installation, tmp_path: Path) -> None:
+def test_installed_code_is_the_sources_code(installation: Installation, source: Path, tmp_path: Path) -> None:
     python = installation.prefix() / "bin" / "python"
     code = "import msrd_ros, sys; print(msrd_ros.__path__[0])"
     found = subprocess.run(
@@ -73,7 +73,7 @@ def test_installed_code_is_the_checkouts_code(installation: Installation, tmp_pa
         check=True,
     ).stdout.strip()
     assert Path(found).is_relative_to(installation.prefix())
-    assert files_below(Path(found)) == files_below(CHECKOUT / PACKAGE)
+    assert files_below(Path(found)) == files_below(source / PACKAGE)
 
 
 def test_one_version_everywhere() -> None:
