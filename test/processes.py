@@ -130,6 +130,11 @@ class RunningProcess:
         self._reader.join(timeout_s)
         return code
 
+    def cpu_seconds(self) -> float:
+        """Processor time that the process has used so far (Linux)."""
+        fields = Path("/proc", str(self._process.pid), "stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def send_signal(self, signal_number: int) -> None:
         """Send a signal and go on."""
         self._process.send_signal(signal_number)
