@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.flight_estimator import PATH_PERIOD_S, FlightEstimator
 from msrd_ros.table_tennis.habits import Flaws, Slip
+from msrd_ros.table_tennis.hand_gesture import HandGesture
 from msrd_ros.table_tennis.hand_lead import leading_hand, shifted_posture
 from msrd_ros.table_tennis.hit_solver import POSITION, RATE, TIME, HitWish, solve_hit
 from msrd_ros.table_tennis.joint_stroke import JointState, JointStroke, swing_effort
-from msrd_ros.table_tennis.teaching import GuidanceConfig, HandGesture
+from msrd_ros.table_tennis.teaching import GuidanceConfig
 
 Array = NDArray[np.float64]
 

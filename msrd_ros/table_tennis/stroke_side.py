@@ -241,8 +241,8 @@ class SideProblem:
         """The hit (15,) of one of the three strokes."""
         return unknowns[7 + HIT_SIZE * index : 7 + HIT_SIZE * (index + 1)]
 
-    def solve(self, start: Array) -> tuple[Array, float]:
+    def solve(self, start: Array, evaluations: int = 150) -> tuple[Array, float]:
         """Refine a first guess; returns the unknowns and the cost."""
         scale = np.concatenate([np.full(7, 0.3), np.tile(np.r_[0.02, np.full(14, 0.3)], len(_STROKES))])
-        found = least_squares(self.residuals, start, x_scale=scale, max_nfev=150)
+        found = least_squares(self.residuals, start, x_scale=scale, max_nfev=evaluations)
         return found.x, float(found.cost)
