@@ -28,11 +28,12 @@ def read_episodes(bag: Bag) -> list[Episode]:
         If the bag cannot be read or does not hold what a stroke needs; names the bag.
     """
     original = bag.raw()
+    subject, source = bag.info.subject, f"bag {bag.info.path}"
     labels = bag.labels(original)
     messages = [message._replace(topic=bag.role(message.topic)) for message in original]
     if sum(message.topic == OUTCOME for message in messages) > 1:
         return [
-            _assemble(bag, stroke.messages, stroke.label)
+            assemble_stroke(stroke.messages, stroke.label, subject, source)
             for stroke in split_strokes(messages, CutSettings())
             if stroke.label and inspect(stroke, InspectionLimits()).accepted
         ]
@@ -42,11 +43,29 @@ def read_episodes(bag: Bag) -> list[Episode]:
             f"bag {bag.info.path}: shows several strategies ({names}) and no rally/outcome to part them; "
             f"record rally/outcome too, or one bag a stroke"
         )
-    return [_assemble(bag, messages, next(iter(labels)))]
+    return [assemble_stroke(messages, next(iter(labels)), subject, source)]
 
 
-def _assemble(bag: Bag, messages: Iterable[BagMessage], label: StrategyLabel) -> Episode:
-    assembler = EpisodeAssembler(label, bag.info.subject, f"bag {bag.info.path}")
+def assemble_stroke(
+    messages: Iterable[BagMessage], label: StrategyLabel, subject: str, source: str
+) -> Episode:
+    """One stroke as arrays.
+
+    Parameters
+    ----------
+    messages
+        Topics are relative names; other topics than the stroke's own are passed over.
+    label, subject
+        What was shown, and by whom.
+    source
+        What to blame in errors.
+
+    Raises
+    ------
+    UserError
+        If the messages do not make up a stroke.
+    """
+    assembler = EpisodeAssembler(label, subject, source)
     for message in messages:
         if message.topic == JOINT_STATES:
             assembler.add_joint_state(deserialise(message.data, CONTRACT[JOINT_STATES].type_name))

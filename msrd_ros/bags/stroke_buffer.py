@@ -106,8 +106,10 @@ class StrokeBuffer:
     def _watch_clock(self, arrival: Arrival) -> None:
         stamp_ns = read_stamp_ns(arrival.data)
         self._simulated = abs(stamp_ns - arrival.received_ns) > _SIMULATED_NS
-        if self._simulated and stamp_ns < self._stamp_ns - _RESET_NS:
-            self.discard()  # simulated time that jumps back begins a new world
+        if self._simulated and stamp_ns < self._stamp_ns - _RESET_NS and not self._outcomes:
+            # Simulated time that jumps back begins a new world, or another bag that is being played; a
+            # stroke that is decided is whole already, and told from what follows by the order of sending.
+            self.discard()
         self._stamp_ns = stamp_ns
 
     def _remember_strategy(self, arrivals: Iterable[Arrival]) -> None:

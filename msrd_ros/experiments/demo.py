@@ -127,6 +127,7 @@ class Demo:
             "source": "played",
             "wanted": config.subjects * config.recordings,
             "out": config.out / "training",
+            "idle_start_s": 15.0,
             "seed": config.seed,
         }
         if config.sweeps is not None:

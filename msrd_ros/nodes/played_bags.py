@@ -2,103 +2,72 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped
 from rclpy.node import Node
-from rclpy.subscription import Subscription
-from sensor_msgs.msg import JointState
 
+from msrd_ros.bags.episodes import assemble_stroke
+from msrd_ros.bags.inspection import InspectionLimits, inspect
+from msrd_ros.bags.stroke_buffer import StrokeBuffer
+from msrd_ros.bags.strokes import Arrival, CutSettings
 from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.translation import EpisodeAssembler, read_outcome, stamp_to_ns
-from msrd_ros.nodes.common import EVENT, STATE, steady_timer
+from msrd_ros.nodes.common import steady_timer
+from msrd_ros.nodes.recorder_inputs import RecorderInputs
 
-SETTLE_S = 0.05
-"""After an outcome, what was sent before it on other topics may still be on its way."""
+SETTLE_PERIOD_S = 0.02
+ADAPT_PERIOD_S = 0.2
 
 
 class PlayedBags:
-    """Cuts what it hears into strokes, one per rally/outcome.
+    """Hears, cuts and inspects strokes just as the recorder does, and hands them on as episodes.
 
     Parameters
     ----------
     node
         Whose subscriptions they are.
     take
-        Called with every returned stroke.
+        Called with every accepted stroke.
     refuse
-        Called with what is wrong with a stroke.
+        Called with what is wrong with one that is not.
     """
 
     def __init__(
-        self,
-        node: Node,
-        take: Callable[[Episode], None],
-        refuse: Callable[[UserError], None],
+        self, node: Node, take: Callable[[Episode], None], refuse: Callable[[UserError], None]
     ) -> None:
-        self._node, self._take, self._refuse = node, take, refuse
-        self._balls: list[PointStamped] = []
-        self._joints: list[JointState] = []
-        self._decisions: deque[DiagnosticArray] = deque()
-        self._subscriptions: list[Subscription] = [
-            node.create_subscription(PointStamped, "ball/position", self._balls.append, STATE),
-            node.create_subscription(JointState, "joint_states", self._joints.append, STATE),
-            node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT),
-        ]
-        self._settle = steady_timer(node, SETTLE_S, self._assemble)
-        self._settle.cancel()
+        self._take, self._refuse = take, refuse
+        self._buffer = StrokeBuffer(CutSettings())
+        self._inputs: RecorderInputs | None = RecorderInputs(node, [], self._hear)
+        self._settle = steady_timer(node, SETTLE_PERIOD_S, self._cut_settled)
+        self._adapt = steady_timer(node, ADAPT_PERIOD_S, self._inputs.adapt)
+
+    @property
+    def lost(self) -> int:
+        """Messages that went missing on their way."""
+        return self._inputs.lost if self._inputs else 0
 
     def close(self) -> None:
         """Listen no more."""
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
+        self._inputs = None
         self._settle.cancel()
+        self._adapt.cancel()
 
-    def _on_outcome(self, message: DiagnosticArray) -> None:
-        self._decisions.append(message)
-        self._settle.reset()
+    def _hear(self, arrival: Arrival) -> None:
+        if self._inputs is not None:
+            self._buffer.add(arrival)
 
-    def _assemble(self) -> None:
-        self._settle.cancel()
-        while self._decisions:
-            decision = self._decisions.popleft()
-            joints, balls = _take_until(self._joints, decision), _take_until(self._balls, decision)
+    def _cut_settled(self) -> None:
+        self._buffer.tick()
+        while self._inputs is not None and self._buffer.settled():
+            stroke = self._buffer.cut()
+            verdict = inspect(stroke, InspectionLimits())
+            if not verdict.accepted:
+                self._refuse(
+                    UserError(f"ball {stroke.ball_id} is left out: {verdict.reason}, {verdict.detail}")
+                )
+                continue
+            assert stroke.label is not None
             try:
-                label, outcome = read_outcome(decision)
-                if not outcome.returned:
-                    continue
-                if label is None:
-                    raise UserError(
-                        "topic rally/outcome: no strategy label in the header; play labelled bags"
-                    )
-                assembler = EpisodeAssembler(label)
-                for state in joints:
-                    assembler.add_joint_state(state)
-                for sample in balls:
-                    assembler.add_ball_position(sample)
-                assembler.add_outcome(decision)
-                self._take(assembler.assemble())
+                self._take(assemble_stroke(stroke.messages, stroke.label, "", "topics"))
             except UserError as error:
                 self._refuse(error)
-
-
-def _take_until(messages: list[Any], decision: DiagnosticArray) -> list[Any]:
-    """Take out what belongs to the decided stroke; what follows is the next bag's already.
-
-    The next bag begins where the stamps pass the decision, or jump back: bags of different sessions may
-    tell of the same simulated times.
-    """
-    last_ns = stamp_to_ns(decision.header.stamp)
-    before_ns, count = -1, 0
-    for message in messages:
-        stamp_ns = stamp_to_ns(message.header.stamp)
-        if stamp_ns < before_ns or stamp_ns > last_ns:
-            break
-        before_ns, count = stamp_ns, count + 1
-    taken = messages[:count]
-    del messages[:count]
-    return taken

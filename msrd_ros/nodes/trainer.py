@@ -64,6 +64,13 @@ class TrainerConfig:
     wanted: int = parameter(
         9, "played: demonstrations per label after which training starts by itself", low=1, high=10_000
     )
+    idle_start_s: float = parameter(
+        0.0,
+        "played: start with what there is once nothing more has come for so long; 0: wait for all wanted",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
     method: str = parameter("msrd", "Learning method", choices=METHODS)
@@ -111,6 +118,7 @@ class Trainer(StackNode):
         self._out = _prepare_out(Path(config.out).expanduser())
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
         self._episodes: list[Episode] = []
+        self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
         self._thread: threading.Thread | None = None
@@ -163,6 +171,7 @@ class Trainer(StackNode):
         if self._training is not None or (self._labels and episode.label not in self._labels):
             return
         self._episodes.append(episode)
+        self._heard_s = time.monotonic()
         counts = self._counts()
         fewest = min(counts[label] for label in self._labels or ALL_LABELS)
         self.get_logger().info(
@@ -319,7 +328,10 @@ class Trainer(StackNode):
         write_text(self._out / RESULT_FILE, json.dumps(result, indent=1) + "\n")
 
     def _look_after_training(self) -> None:
-        """Raise what the thread ran into, or finish with it."""
+        """Start when no more demonstrations come; raise what the thread ran into, or finish with it."""
+        idle_s = self.config.idle_start_s
+        if self._training is None and self._episodes and 0.0 < idle_s < time.monotonic() - self._heard_s:
+            self._begin()
         if self._failure is not None:
             raise self._failure
         if self._thread is not None and not self._thread.is_alive():

@@ -13,9 +13,19 @@ from scipy.stats import binomtest
 
 from msrd_ros.facts.labels import Stroke
 from msrd_ros.facts.outcome import Outcome
-from msrd_ros.table_tennis.study_design import spin_class
+from msrd_ros.table_tennis.study_design import LEAST_STROKE_SPIN_RAD_S, MOST_PUSH_SPIN_RAD_S
 
 LANDING_RADIUS_M = 0.20
+
+SPIN_CLASS_BORDER_RAD_S = (MOST_PUSH_SPIN_RAD_S + LEAST_STROKE_SPIN_RAD_S) / 2
+"""Half-way between what a demonstrated push and a demonstrated slice or topspin may have."""
+
+
+def nearest_stroke(spin_y_rad_s: float) -> Stroke:
+    """The stroke that an outgoing ball's spin speaks of; positive is topspin."""
+    if abs(spin_y_rad_s) <= SPIN_CLASS_BORDER_RAD_S:
+        return Stroke.PUSH
+    return Stroke.TOPSPIN if spin_y_rad_s > 0.0 else Stroke.SLICE
 
 
 @dataclass(frozen=True)
@@ -95,7 +105,7 @@ class LabelRates:
             Rate.of(sum(outcome.struck for outcome in outcomes), len(outcomes)),
             Rate.of(len(back), len(outcomes)),
             Rate.of(near, len(back) if known else 0),
-            Rate.of(sum(spin_class(spin) is stroke for spin in spins), len(back)),
+            Rate.of(sum(nearest_stroke(spin) is stroke for spin in spins), len(back)),
             float(np.mean(spins)) if spins else math.nan,
             float(np.std(spins)) if spins else math.nan,
             points,
