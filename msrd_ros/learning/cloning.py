@@ -29,8 +29,11 @@ class CloningConfig:
         ``gain * offset``, so that the policy learns to come back.
     snapshots
         Steps after which a copy of the policies is played to give the discriminator bad examples.
+    disturbances
+        Standard deviations with which the finished clones are played to give further bad examples, from
+        nearly right to hopeless.
     snapshot_episodes
-        Episodes played by each snapshot and strategy.
+        Episodes played by each snapshot or disturbed clone and strategy.
     """
 
     steps: int = 1500
@@ -39,6 +42,7 @@ class CloningConfig:
     state_noise: tuple[tuple[str, float], ...] = ()
     corrections: tuple[tuple[str, str, float], ...] = ()
     snapshots: tuple[int, ...] = ()
+    disturbances: tuple[float, ...] = ()
     snapshot_episodes: int = 2
 
 

@@ -134,6 +134,12 @@ class MSRD:
             self._generator,
             play_snapshot,
         )
+        with torch.no_grad():
+            explored = self.policies.log_std.clone()
+            for deviation in self.config.cloning.disturbances:
+                self.policies.log_std.fill_(float(np.log(deviation)))
+                play_snapshot()
+            self.policies.log_std.copy_(explored)
         self._snapshots = Transitions.join(played) if played else None
         return {"cloning_error": float(error.mean())}
 
