@@ -51,8 +51,8 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
     fed = sum(row["fed"] for row in rows.values())
     report = Report(
         "Six strokes, taught by hand",
-        f"{metrics['subjects']} teachers led a Sawyer arm by the hand through push, slice and topspin, forehand "
-        f"and backhand. The {taught} recorded strokes were replayed into Multi-Strategy Reward Distillation, "
+        f"{metrics['subjects']} teachers led a Sawyer arm by the hand through push, slice and topspin, "
+        f"forehand and backhand. The {taught} recorded strokes were replayed into Multi-Strategy Reward Distillation, "
         f"and what it learned was played against {fed} new balls. Every hop went over ROS 2 topics between "
         f"processes.",
     )

@@ -145,7 +145,6 @@ class Demonstrator(StackNode):
         if trial is None:
             self._finish()
             return
-        self._enter(Stage.CALLING)
         index = self.config.first_subject + trial.subject
         teacher = self._teachers.setdefault(index, Teacher(index, self.config.seed))
         # Each attempt draws from a stream of its own: what one subject does leaves the others as they are.
@@ -158,6 +157,8 @@ class Demonstrator(StackNode):
             )
         )
         self._stroke = teacher.begin(trial.label, self._stroke_rng)
+        # Practice takes its time, above all while compiled code is made for the first time.
+        self._enter(Stage.CALLING)
         self._strategy.publish(strategy_message(trial.label, self.get_clock().now().to_msg()))
         self._bar.set_postfix_str(f"{self._name(trial)} {trial.label} attempt {trial.attempt}")
         if self.config.recorder and (before is None or before.subject != trial.subject):
