@@ -23,6 +23,9 @@ NANOSECONDS = 1_000_000_000
 FEED_SPEED_M_S = 2.5
 """A ball on the far half that comes towards the robot faster than this has been fed."""
 
+RESTING_SPEED_M_S = 0.5
+"""A ball that comes towards the robot slower than this is not on its way; above a camera's noise."""
+
 ANOTHER_BALL_M_S = 20.0
 """Samples further apart than a ball can fly are of two balls: the old one is gone, a new one is ready."""
 
@@ -130,7 +133,8 @@ class BallTracker:
 
     The velocity is the difference of the last two different samples over their stamps; zero while there
     is only one. The ball counts as fed from the first sample on the far half (x > 0) that comes towards
-    the robot faster than `FEED_SPEED_M_S`, until another ball takes its place.
+    the robot faster than `FEED_SPEED_M_S`, until it comes no nearer or another ball takes its place. (A
+    returned ball may end near where the next one lies ready, so that no jump tells them apart.)
     """
 
     def __init__(self) -> None:
@@ -147,6 +151,8 @@ class BallTracker:
             self.velocity = (position - self.position) * (NANOSECONDS / (stamp_ns - self.stamp_ns))
             if float(self.velocity @ self.velocity) > ANOTHER_BALL_M_S**2:
                 self.velocity = np.zeros(3)
+                self.fed = False
+            elif self.velocity[0] > -RESTING_SPEED_M_S:
                 self.fed = False
             elif position[0] > 0.0 and self.velocity[0] < -FEED_SPEED_M_S:
                 self.fed = True
