@@ -3,7 +3,8 @@
 Run: ``python benchmarks/pendulum_against_imitation.py --imitation-python PATH [--steps 1000000]`` where PATH
 is the interpreter of an environment with `imitation` (see ``imitation_airl.py``); without it only ours is
 measured. One thread each. Prints environment steps a second, learning included, and the seconds until the
-task reward's correlation over noise-injected trajectories (normalised per strategy) first reached 0.9 and 0.95.
+task reward's correlation over noise-injected trajectories, normalised per strategy, first reached 0.9 and
+0.95.
 """
 
 from __future__ import annotations

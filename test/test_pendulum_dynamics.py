@@ -6,9 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody, advance
 from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum, has_fallen, task_reward
+from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
+from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
+from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.rollouts import BatchedCollector
 
 mujoco = pytest.importorskip("mujoco")
 gymnasium = pytest.importorskip("gymnasium")
@@ -119,3 +124,16 @@ def test_truth_and_falls() -> None:
     states[0, 3, 1], states[1, 2, 1] = -0.6, 0.4
     assert task_reward(states)[0, 3] == -0.6
     assert has_fallen(states).tolist() == [True, False]
+
+
+def test_compiled_rollouts_equal_the_batched_ones() -> None:
+    generator = torch.Generator().manual_seed(0)
+    policies = GaussianPolicies(3, pendulum_features(), 1, (32, 32), -1.0, -3.0, 0.0, generator)
+    policies.set_flat(policies.flat() * 3.0)
+    expected = BatchedCollector(InvertedPendulum(50)).collect(policies, 2, np.random.default_rng(4))
+    found = PendulumCollector(50).collect(policies, 2, np.random.default_rng(4))
+    np.testing.assert_allclose(found.observations, expected.observations, atol=2e-4)
+    np.testing.assert_allclose(found.actions, expected.actions, atol=2e-4)
+    still = PendulumCollector(50).collect(policies, 2, np.random.default_rng(4), deterministic=True)
+    mean = policies.act(still.observations[:, :, 7])
+    np.testing.assert_allclose(mean, still.actions[:, :, 7], atol=1e-5)

@@ -20,11 +20,11 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from msrd_ros.experiments.inverted_pendulum.environment import (
-    InvertedPendulum,
     has_fallen,
     pendulum_layout,
     task_reward,
 )
+from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import (
     DivergenceTruth,
     KnownPreferences,
@@ -41,7 +41,6 @@ from msrd_ros.learning.kl_encouraged import KLEncouragedReward
 from msrd_ros.learning.networks import BatchedMLP
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining, RewardSource
-from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
@@ -75,6 +74,8 @@ class Recipe:
         Weight of the diversity or preference reward beside the task reward.
     bound
         KL-encouraged: largest divergence of a pair that counts, in nats.
+    start_sweeps
+        Updates of one policy on the task alone, from which all candidates then start; 0: from random weights.
     short_sweeps, long_sweeps
         TRPO updates on episodes of 200 steps, then of the full 1,000.
     blur
@@ -87,10 +88,11 @@ class Recipe:
 
     kind: Kind = Kind.DIAYN
     seed: int = 0
-    candidates: int = 24
+    candidates: int = 25
     weight: float = 0.1
     bound: float = 10.0
-    short_sweeps: int = 200
+    start_sweeps: int = 0
+    short_sweeps: int = 220
     long_sweeps: int = 30
     blur: float = 0.05
     episodes: int = 10
@@ -125,7 +127,7 @@ class Demonstrators:
 
     def demonstrate(self, count: int, seed: int, horizon: int = 1000) -> Demonstrations:
         """Play `count` episodes of each strategy, stochastically, as maximum-entropy experts do."""
-        collector = BatchedCollector(InvertedPendulum(horizon))
+        collector = PendulumCollector(horizon)
         played = collector.collect(self.policies, count, np.random.default_rng(seed))
         return Demonstrations(played.observations, played.actions, pendulum_layout(self.labels))
 
@@ -141,6 +143,8 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     generator = torch.Generator().manual_seed(recipe.seed)
     count = STRATEGIES if recipe.kind is Kind.KNOWN_PREFERENCE else recipe.candidates
     policies = _fresh_policies(count, generator)
+    if recipe.start_sweeps:
+        policies.set_flat(_balancing_policy(recipe).flat().expand(count, -1))
     source: RewardSource
     if recipe.kind is Kind.DIAYN:
         source = DiaynReward(
@@ -156,21 +160,10 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
         source = KLEncouragedReward(extrinsic, recipe.weight / (count - 1), recipe.bound)
     else:
         source = PreferenceReward(KnownPreferences.twenty(), recipe.weight)
-    training = PolicyTraining(
-        policies,
-        pendulum_features(),
-        source,
-        BatchedCollector(InvertedPendulum(200)),
-        recipe.episodes,
-        TrustRegionConfig(kl=recipe.kl),
-        ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
-        recipe.seed,
-    )
+    training = _training(policies, source, recipe.episodes, recipe)
     for sweep in range(recipe.short_sweeps + recipe.long_sweeps):
         if sweep == recipe.short_sweeps:
-            training.collector = BatchedCollector(InvertedPendulum(1000))
+            training.collector = PendulumCollector(1000)
             training.episodes = 3
         metrics = training.sweep()
         if sweep % 20 == 19:
@@ -184,6 +177,33 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     return Demonstrators(recipe, chosen, _other_truth(recipe, chosen), report)
 
 
+def _balancing_policy(recipe: Recipe) -> GaussianPolicies:
+    """One policy that has learned the task and nothing else."""
+    policy = _fresh_policies(1, torch.Generator().manual_seed(recipe.seed + 10))
+    task = PreferenceReward(KnownPreferences((0,), (0.0,), (1.0,), (False,), (1.0,)), 0.0)
+    training = _training(policy, task, 4 * recipe.episodes, recipe)
+    for _ in range(recipe.start_sweeps):
+        training.sweep()
+    return policy
+
+
+def _training(
+    policies: GaussianPolicies, source: RewardSource, episodes: int, recipe: Recipe
+) -> PolicyTraining:
+    return PolicyTraining(
+        policies,
+        pendulum_features(),
+        source,
+        PendulumCollector(200),
+        episodes,
+        TrustRegionConfig(kl=recipe.kl),
+        ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
+        0.99,
+        0.97,
+        recipe.seed,
+    )
+
+
 def _fresh_policies(count: int, generator: torch.Generator) -> GaussianPolicies:
     """Std 0.5 at first, never below 0.1 or above 1: without the cap it runs away while actions clip."""
     bounds = (float(np.log(0.5)), float(np.log(0.1)), 0.0)
@@ -192,16 +212,14 @@ def _fresh_policies(count: int, generator: torch.Generator) -> GaussianPolicies:
 
 def _settle_posterior(source: DiaynReward, policies: GaussianPolicies, seed: int) -> None:
     """Bring q to rest on the finished policies, so that the truth is theirs as they are."""
-    played = BatchedCollector(InvertedPendulum(1000)).collect(policies, 4, np.random.default_rng([seed, 2]))
+    played = PendulumCollector(1000).collect(policies, 4, np.random.default_rng([seed, 2]))
     states = torch.as_tensor(played.observations[:, :, 1:]).flatten(1, 2)
     for _ in range(40):
         source.fit(states)
 
 
 def _choose(policies: GaussianPolicies, recipe: Recipe) -> tuple[tuple[int, ...], dict[str, Any]]:
-    played = BatchedCollector(InvertedPendulum(1000)).collect(
-        policies, 10, np.random.default_rng([recipe.seed, 3])
-    )
+    played = PendulumCollector(1000).collect(policies, 10, np.random.default_rng([recipe.seed, 3]))
     falls = has_fallen(played.observations).mean(axis=1)
     returns = task_reward(played.observations[:, :, 1:]).mean(axis=(1, 2))
     able = (falls == 0.0) & (returns > -0.05)

@@ -12,6 +12,7 @@ from torch import Tensor
 from msrd_ros.experiments.inverted_pendulum.demonstrators import Demonstrators
 from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum, has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Rewards
+from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.learning.rollouts import BatchedCollector
 
 NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
@@ -70,7 +71,7 @@ def make_test_set(demonstrators: Demonstrators, seed: int, repeats: int = 2, cle
     noisy = BatchedCollector(InvertedPendulum(random_actions=levels)).collect(
         demonstrators.policies, levels.shape[1], rng
     )
-    plain = BatchedCollector(InvertedPendulum()).collect(demonstrators.policies, clean, rng)
+    plain = PendulumCollector().collect(demonstrators.policies, clean, rng)
     unfallen = noisy.observations[~has_fallen(noisy.observations)]
     flat = plain.observations.reshape(-1, *plain.observations.shape[2:])
     truth = demonstrators.truth.table

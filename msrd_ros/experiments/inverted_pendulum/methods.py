@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum
+from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
 from msrd_ros.learning.baselines import StrategyClassifier
@@ -24,7 +24,6 @@ from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed, inverted_pendulum
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardForm, RewardModel, RewardValues
-from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 
 
@@ -148,7 +147,7 @@ def make_trainer(method: Method, demonstrations: Demonstrations, budget: Budget,
         Method.AIRL_EACH: airl_per_strategy,
         Method.AIRL_EACH_CROSS: airl_per_strategy,
     }
-    collector = BatchedCollector(InvertedPendulum(budget.horizon))
+    collector = PendulumCollector(budget.horizon)
     return makers.get(method, MSRD)(configure(method, budget), demonstrations, collector, seed)
 
 

@@ -12,13 +12,13 @@ from torch import Tensor
 
 from msrd_ros.experiments.inverted_pendulum.demonstrators import Demonstrators
 from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody
-from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum, has_fallen, task_reward
+from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.evaluation import table_over
 from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Method, Rewards
+from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.reinforcement import PolicyTraining
-from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
@@ -123,7 +123,7 @@ def _train(
         policies,
         pendulum_features(),
         FrozenReward(rewards),
-        BatchedCollector(InvertedPendulum(plan.horizon, body)),
+        PendulumCollector(plan.horizon, body),
         plan.episodes,
         TrustRegionConfig(kl=0.03),
         ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
@@ -144,7 +144,7 @@ def _judge(
     The distance is that of the settled cart's mean position, in metres; the preference is the true strategy
     reward a step, clipped at -10.
     """
-    collector = BatchedCollector(InvertedPendulum(1000, body))
+    collector = PendulumCollector(1000, body)
     played = collector.collect(policies, 3, np.random.default_rng(seed), deterministic=True).observations
     settled = played[:, :, 500:, 0].mean(axis=(1, 2))
     home = np.array(demonstrators.report["cart_position_mean"])

@@ -84,8 +84,8 @@ class DivergenceTruth:
 class KnownPreferences:
     """Preferences written down beforehand: the only truth that no network had a hand in.
 
-    Strategy i likes one column of the state, or its absolute value, near a target:
-    ``S_i(s) = -min(((s[column] - target) / width)^2, bound)``.
+    Strategy i likes one column of the state, or its absolute value, near a target, and its cart not too far
+    from the middle: ``S_i(s) = -min(((s[column] - target) / width)^2 + (s[0] / roam)^2, bound)``.
 
     Attributes
     ----------
@@ -93,6 +93,8 @@ class KnownPreferences:
         One per strategy.
     absolute
         Whether the column's absolute value is meant (a speed rather than a velocity).
+    roam
+        How far the cart may go, in metres; infinite for those who like a place of their own.
     bound
         Where dislike stops growing.
     """
@@ -101,6 +103,7 @@ class KnownPreferences:
     targets: tuple[float, ...]
     widths: tuple[float, ...]
     absolute: tuple[bool, ...]
+    roam: tuple[float, ...]
     bound: float = 4.0
 
     def values(self, states: Tensor) -> Tensor:
@@ -109,7 +112,9 @@ class KnownPreferences:
         for index, column in enumerate(self.columns):
             value = states[index, ..., column]
             value = value.abs() if self.absolute[index] else value
-            rows.append(-((value - self.targets[index]) / self.widths[index]).square().clamp(max=self.bound))
+            dislike = ((value - self.targets[index]) / self.widths[index]).square()
+            dislike = dislike + (states[index, ..., 0] / self.roam[index]).square()
+            rows.append(-dislike.clamp(max=self.bound))
         return torch.stack(rows)
 
     def table(self, states: Tensor) -> Tensor:
@@ -120,12 +125,13 @@ class KnownPreferences:
     def twenty(cls) -> KnownPreferences:
         """12 cart positions, 4 sways (cart speeds, none too fast for the rail), 4 leans of the pole."""
         positions = tuple(np.linspace(-0.66, 0.66, 12).round(3).tolist())
-        sways, leans = (0.15, 0.3, 0.45, 0.6), (-0.06, -0.03, 0.03, 0.06)
+        sways, leans = (0.1, 0.2, 0.3, 0.4), (-0.03, -0.015, 0.015, 0.03)
         return cls(
             (0,) * 12 + (2,) * 4 + (1,) * 4,
             positions + sways + leans,
-            (0.2,) * 12 + (0.15,) * 4 + (0.03,) * 4,
+            (0.4,) * 12 + (0.15,) * 4 + (0.03,) * 4,
             (False,) * 12 + (True,) * 4 + (False,) * 4,
+            (math.inf,) * 12 + (0.4,) * 8,
         )
 
 
