@@ -43,7 +43,7 @@ class StudyConfig:
 
     subjects: int = 10
     recordings: int = 3
-    practice: int = 3
+    practice: int = 0
     attempts: int = 40
 
     def __post_init__(self) -> None:
