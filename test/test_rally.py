@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -169,6 +170,13 @@ def test_a_new_ball_takes_the_place_of_the_old_one(rally: Rally) -> None:
     assert rally.launch(Feeder().nominal(Side.FOREHAND)) == 1
     assert rally.ball_time == 0.0
     assert rally.play_out().ball_id == 1
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have no X server to miss")
+def test_a_window_without_a_display_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(UserError, match="gui:=false"):
+        Rally(gui=True)
 
 
 def test_bad_input_is_refused_by_name(rally: Rally) -> None:

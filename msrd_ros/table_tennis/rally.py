@@ -7,6 +7,8 @@ bit for bit whatever was played before.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from typing import Self
 
@@ -36,6 +38,17 @@ _FARTHEST_HIT_X_M = BASE_POSITION[0] + 1.6
 """No blade reaches a ball beyond: shoulder, stretched arm and paddle end 0.2 m before."""
 
 
+def _connect(gui: bool) -> int:
+    """Start Bullet, with or without its window, and return the client's number."""
+    # Bullet ends the whole process if it finds no X server.
+    if gui and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise UserError("Bullet's window needs a display (DISPLAY is not set); run with gui:=false")
+    client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+    if client < 0:
+        raise UserError("Bullet's window did not open; run with gui:=false where there is no display")
+    return client
+
+
 class Rally:
     """PyBullet scene in which one ball at a time is played.
 
@@ -49,9 +62,7 @@ class Rally:
 
     def __init__(self, config: RallyConfig | None = None, *, gui: bool = False) -> None:
         self.config = config = config or RallyConfig()
-        self._client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
-        if self._client < 0:
-            raise UserError("Bullet's window did not open; run with gui:=false where there is no display")
+        self._client = _connect(gui)
         pybullet.setGravity(0.0, 0.0, -config.scene.gravity_m_s2, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
