@@ -22,6 +22,7 @@ from rclpy.exceptions import (
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from msrd_ros.facts.errors import UserError
@@ -173,6 +174,22 @@ def write_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+def referee_hears(node: Node, feed: Publisher) -> bool:
+    """Whether a ball that is fed now reaches the simulator.
+
+    A recorder listens to `feed` as well and may be found first, so that some subscriber is not enough: one
+    that also decides rallies must be there, and all subscribers that are known must be connected.
+    """
+    referees, listeners = (
+        {(info.node_name, info.node_namespace) for info in infos}
+        for infos in (
+            node.get_publishers_info_by_topic("rally/outcome"),
+            node.get_subscriptions_info_by_topic("feed"),
+        )
+    )
+    return bool(referees & listeners) and feed.get_subscription_count() >= len(listeners)
 
 
 class StackNode(Node):

@@ -25,7 +25,16 @@ from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.facts.translation import NANOSECONDS, read_outcome
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
+from msrd_ros.nodes.common import (
+    COMMAND,
+    EVENT,
+    LATCHED,
+    Finished,
+    StackNode,
+    referee_hears,
+    run,
+    steady_timer,
+)
 from msrd_ros.nodes.messages import (
     command_to_message,
     feed_to_message,
@@ -130,7 +139,7 @@ class Demonstrator(StackNode):
 
     def _start(self) -> None:
         """Begin as soon as everyone is there."""
-        if not self._teach.service_is_ready() or not self._feed.get_subscription_count():
+        if not self._teach.service_is_ready() or not referee_hears(self, self._feed):
             return
         if self.config.recorder and not (
             self._recorder.services_are_ready() and self.count_publishers("recorder/verdict")

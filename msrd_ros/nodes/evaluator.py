@@ -20,7 +20,16 @@ from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.facts.translation import read_outcome
 from msrd_ros.learning.stroke_policies import StrokePolicies
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, Finished, StackNode, run, steady_timer
+from msrd_ros.nodes.common import (
+    COMMAND,
+    EVENT,
+    LATCHED,
+    Finished,
+    StackNode,
+    referee_hears,
+    run,
+    steady_timer,
+)
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
 from msrd_ros.table_tennis.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.rates import LabelRates, format_table
@@ -57,6 +66,7 @@ class Evaluator(StackNode):
         self._landing_points = self._read_landing_points()
         self._rng = np.random.default_rng((EVALUATION_STREAM, self.config.seed))
         self._index = 0
+        self._connected = False
         self._waiting_for = "command"
         self._since_s = time.monotonic()
         self._begun_s = time.monotonic()
@@ -94,7 +104,8 @@ class Evaluator(StackNode):
         # The executor serves the strategy; the simulator launches once the arm rests in its ready pose.
         if self._waiting_for != "command" or message.header.frame_id != str(self._label):
             return
-        if not self._feed.get_subscription_count():
+        if not self._connected:
+            self._connected = referee_hears(self, self._feed)
             return
         feed = Feeder().sample(self._label.side, SPREADS[self.config.spread], self._rng)
         self._feed.publish(feed_to_message(feed))

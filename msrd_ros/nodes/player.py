@@ -184,7 +184,7 @@ class Player(StackNode):
             message_type = import_message_type(type_name)
         except UserError as error:
             self._outputs[topic] = None
-            self.get_logger().warning(f"topic {topic} is not played: {error}")
+            self.get_logger().info(f"topic {topic} is not played: {error}")
             return
         self._outputs[topic] = self.create_publisher(message_type, topic, profile)
 

@@ -25,7 +25,8 @@ from msrd_ros.facts.parameters import parameter
 from msrd_ros.nodes.common import EVENT, StackNode, run, status, steady_timer
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
 
-ADAPT_PERIOD_S = 0.2
+ADAPT_PERIOD_S = 0.25
+LONELY_S = 5.0
 SETTLE_PERIOD_S = 0.01
 MEGABYTE = 1_000_000
 VERDICT = "recorder/verdict"
@@ -91,6 +92,7 @@ class Recorder(StackNode):
         self._rejected: Counter[str] = Counter()
         self._feeds_told = 0
         self._heard: tuple[str, ...] = ()
+        self._adaptations = 0
         self._verdict = self.create_publisher(DiagnosticArray, VERDICT, EVENT)
         self._results: queue.SimpleQueue[KeptStroke] = queue.SimpleQueue()
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
@@ -161,6 +163,12 @@ class Recorder(StackNode):
             silent = [role for role in STREAMED if role not in self._heard]
             silence = f"; nobody publishes {', '.join(silent)}" if silent else ""
             self.get_logger().info(f"hears {', '.join(self._heard) or 'nothing'}{silence}")
+        self._adaptations += 1
+        if self._adaptations * ADAPT_PERIOD_S == LONELY_S and not self._heard:
+            self.get_logger().warning(
+                f"nobody publishes joint_states, ball/position or rally/outcome on domain "
+                f"{self.context.get_domain_id()}; start the simulator, or check ROS_DOMAIN_ID and remappings"
+            )
         if self._buffer.expired_feeds > self._feeds_told:
             self._feeds_told = self._buffer.expired_feeds
             self.get_logger().warning(

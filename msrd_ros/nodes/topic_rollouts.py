@@ -21,7 +21,7 @@ from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.translation import EpisodeAssembler, read_outcome
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.trajectories import Rollouts
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE
+from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
 from msrd_ros.nodes.messages import (
     bytes_to_message,
     feed_to_message,
@@ -54,6 +54,7 @@ class TopicCollector:
         self._balls = 0
         self._wanted: StrategyLabel | None = None
         self._digest = ""
+        self._connected = False
         self._swapped = threading.Event()
         self._taken_up = threading.Event()
         self._decided = threading.Event()
@@ -112,7 +113,9 @@ class TopicCollector:
 
     def _on_command(self, message: JointTrajectory) -> None:
         if message.header.frame_id == str(self._wanted):
-            self._taken_up.set()
+            self._connected = self._connected or referee_hears(self._node, self._feed)
+            if self._connected:
+                self._taken_up.set()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for item in message.status:
