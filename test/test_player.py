@@ -197,6 +197,24 @@ def test_a_label_that_only_the_name_tells_is_sent_as_strategy(
     assert len(listener.messages["joint_states"]) == len(of(Bag(path).raw(), "lab/joint_states"))
 
 
+def test_what_is_played_can_be_recorded_again(launcher: Launcher, tmp_path: Path) -> None:
+    labels = ("forehand-push", "backhand-slice")
+    paths = [keep(tmp_path / "first", label, number=number) for number, label in enumerate(labels)]
+    recorder = launcher.start("recorder", parameters={"directory": tmp_path / "second"})
+    recorder.wait_for_line("ready")
+    player = launcher.start("player", parameters={"bags": f"[{tmp_path / 'first'}]", "rate": 0.0})
+    for path in paths:
+        recorder.wait_for_line(f"kept {path.name[:-4]} of s01")
+    assert player.wait() == 0, player.output
+    assert recorder.stop() == 0
+    for path in paths:
+        (before,), (after,) = (
+            read_episodes(Bag(tmp_path / root / "s01" / path.name)) for root in ("first", "second")
+        )
+        np.testing.assert_array_equal(before.observations, after.observations)
+        np.testing.assert_array_equal(before.actions, after.actions)
+
+
 def test_without_subscribers_it_says_so_and_plays(launcher: Launcher, tmp_path: Path) -> None:
     path = keep(tmp_path)
     process = launcher.start("player", parameters={"bags": f"[{path}]", "rate": 0.0, "wait_s": 0.1})

@@ -316,6 +316,12 @@ def test_killed_in_mid_stroke_every_accepted_bag_is_whole(
         assert len(read_episodes(Bag(path))) == 1
 
 
+def test_a_recorder_alone_on_its_domain_says_so(launcher: Launcher, tmp_path: Path, domain_id: int) -> None:
+    process = launcher.start("recorder", parameters={"directory": tmp_path})
+    process.wait_for_line(f"nobody publishes joint_states.* on domain {domain_id}; start the simulator")
+    assert process.stop() == 0
+
+
 @pytest.mark.usefixtures("domain_id")
 def test_what_is_decided_when_the_node_closes_is_kept(tmp_path: Path) -> None:
     rclpy.init(args=["--ros-args", "-p", f"directory:={tmp_path}"])
