@@ -26,7 +26,7 @@ TOOLS = [name for name in EXECUTABLES if name not in NODES]
 ANSWER_TIMEOUT_S = 10.0
 
 INSTEAD_OF_DEFAULTS: dict[str, dict[str, object]] = {"trainer": {"source": "played"}}
-"""A fresh installation compiles for half a minute before the first sweep, and a trainer ends its sweep first."""
+"""A trainer ends the sweep under way first, and a fresh installation compiles for half a minute in it."""
 
 pytestmark = pytest.mark.processes
 
