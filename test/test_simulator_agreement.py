@@ -126,14 +126,15 @@ def test_reasons_and_touches_agree(comparison: Comparison) -> None:
 
 
 def test_paddles_take_the_same_path(comparison: Comparison) -> None:
-    """Bullet's arm lags behind its commands only where its torques do not suffice."""
+    """Bullet's arm leaves its commands only where its torques do not suffice or the table is in the way."""
     apart = []
     for row, episodes in zip(comparison.observations, comparison.bullet, strict=True):
         for seen, episode in zip(row, episodes, strict=True):
             centres = np.array([paddle_pose(joints)[0] for joints in seen[:, :7]])
             apart.append(np.linalg.norm(centres - episode.paddle[FIRST_ACTING_STEP + 1 :], axis=1))
-    assert np.percentile(apart, 99) < 0.001
-    assert np.max(apart) < 0.01
+    assert np.percentile(apart, 99.5) < 0.001
+    # One clumsy stroke in 300 ends so low that the driver stops it above the table.
+    assert np.sum(np.max(apart, axis=1) > 0.01) <= 3
 
 
 def test_balls_take_the_same_path(comparison: Comparison) -> None:
