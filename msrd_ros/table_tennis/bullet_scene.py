@@ -7,11 +7,14 @@ its body only shows where it is.
 from __future__ import annotations
 
 import math
+import os
+import sys
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from msrd_ros.facts.errors import UserError
 from msrd_ros.table_tennis.scene import Scene
 
 Colour = tuple[float, float, float, float]
@@ -29,6 +32,23 @@ TAPE_WIDTH_M = 0.015
 _FLOOR_SIZE_M = (400.0, 400.0, 0.2)
 _PAINT_M = 0.0015
 """How far painted lines stand out, so that they are not drawn within the table."""
+
+
+def connect_bullet(gui: bool) -> int:
+    """Start Bullet, with or without its window, and return the client's number.
+
+    Raises
+    ------
+    UserError
+        If a window is wanted and there is no display.
+    """
+    # Bullet ends the whole process if it finds no X server.
+    if gui and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        raise UserError("Bullet's window needs a display (DISPLAY is not set); run with gui:=false")
+    client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+    if client < 0:
+        raise UserError("Bullet's window did not open; run with gui:=false where there is no display")
+    return client
 
 
 class BulletScene:

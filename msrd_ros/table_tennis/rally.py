@@ -7,8 +7,6 @@ bit for bit whatever was played before.
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Callable
 from typing import Self
 
@@ -16,11 +14,10 @@ import numpy as np
 import pybullet
 from numpy.typing import ArrayLike, NDArray
 
-from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.table_tennis.bullet_arm import LimitLog
-from msrd_ros.table_tennis.bullet_scene import BulletScene
+from msrd_ros.table_tennis.bullet_scene import BulletScene, connect_bullet
 from msrd_ros.table_tennis.feeder import Feed
 from msrd_ros.table_tennis.hand_gesture import HandGesture
 from msrd_ros.table_tennis.played_ball import PlayedBall
@@ -38,17 +35,6 @@ _FARTHEST_HIT_X_M = BASE_POSITION[0] + 1.6
 """No blade reaches a ball beyond: shoulder, stretched arm and paddle end 0.2 m before."""
 
 
-def _connect(gui: bool) -> int:
-    """Start Bullet, with or without its window, and return the client's number."""
-    # Bullet ends the whole process if it finds no X server.
-    if gui and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        raise UserError("Bullet's window needs a display (DISPLAY is not set); run with gui:=false")
-    client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
-    if client < 0:
-        raise UserError("Bullet's window did not open; run with gui:=false where there is no display")
-    return client
-
-
 class Rally:
     """PyBullet scene in which one ball at a time is played.
 
@@ -62,7 +48,7 @@ class Rally:
 
     def __init__(self, config: RallyConfig | None = None, *, gui: bool = False) -> None:
         self.config = config = config or RallyConfig()
-        self._client = _connect(gui)
+        self._client = connect_bullet(gui)
         pybullet.setGravity(0.0, 0.0, -config.scene.gravity_m_s2, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
