@@ -22,8 +22,8 @@ def inverted_pendulum() -> MSRDConfig:
     """Inverted pendulum: cloned start, small trust region, replay, cross-negatives, gradient penalty."""
     features = FeatureConfig(scales=(0.5, 0.3, 1.0, 2.0))
     return MSRDConfig(
-        sweeps=120,
-        episodes=4,
+        sweeps=60,
+        episodes=1,
         policy_reward=PolicyReward.LOGIT,
         reward=RewardConfig(task_features=features, strategy_features=features),
         discriminator=DiscriminatorConfig(
@@ -35,7 +35,7 @@ def inverted_pendulum() -> MSRDConfig:
             cross_weight=0.3,
             gradient_penalty=0.01,
         ),
-        replay=ReplayConfig(replay_share=0.25, snapshot_share=0.25),
+        replay=ReplayConfig(replay_share=0.25, snapshot_share=0.4),
         policy=PolicyConfig(features=features),
         trust_region=TrustRegionConfig(kl=0.01),
         value=ValueConfig(hidden=(32, 32), steps=5, batch=256, sees_time=False, bootstrap=True),

@@ -6,6 +6,7 @@ The recipe that made a file stands in its header, and ``make_demonstrators`` run
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -75,9 +76,10 @@ class Recipe:
     bound
         KL-encouraged: largest divergence of a pair that counts, in nats.
     start_sweeps
-        Updates of one policy on the task alone, from which all candidates then start; 0: from random weights.
-    short_sweeps, long_sweeps
-        TRPO updates on episodes of 200 steps, then of the full 1,000.
+        Updates of one policy on the task and staying in the middle, from which all candidates then start;
+        0: from random weights.
+    short_sweeps, short_steps, long_sweeps
+        TRPO updates on episodes of that many steps, then updates on the full 1,000.
     blur
         DIAYN: resolution at which the posterior sees states, in the features' scale (0.05 is 2.5 cm).
     episodes
@@ -93,6 +95,7 @@ class Recipe:
     bound: float = 10.0
     start_sweeps: int = 0
     short_sweeps: int = 220
+    short_steps: int = 200
     long_sweeps: int = 30
     blur: float = 0.05
     episodes: int = 10
@@ -144,7 +147,9 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     count = STRATEGIES if recipe.kind is Kind.KNOWN_PREFERENCE else recipe.candidates
     policies = _fresh_policies(count, generator)
     if recipe.start_sweeps:
-        policies.set_flat(_balancing_policy(recipe).flat().expand(count, -1))
+        start = _balancing_policy(recipe).flat()
+        start[:, -1] = float(np.log(0.3))  # room to explore again
+        policies.set_flat(start.expand(count, -1))
     source: RewardSource
     if recipe.kind is Kind.DIAYN:
         source = DiaynReward(
@@ -180,7 +185,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
 def _balancing_policy(recipe: Recipe) -> GaussianPolicies:
     """One policy that has learned the task and nothing else."""
     policy = _fresh_policies(1, torch.Generator().manual_seed(recipe.seed + 10))
-    task = PreferenceReward(KnownPreferences((0,), (0.0,), (1.0,), (False,), (1.0,)), 0.0)
+    task = PreferenceReward(KnownPreferences((0,), (0.0,), (0.4,), (False,), (math.inf,)), 0.1)
     training = _training(policy, task, 4 * recipe.episodes, recipe)
     for _ in range(recipe.start_sweeps):
         training.sweep()
@@ -194,7 +199,7 @@ def _training(
         policies,
         pendulum_features(),
         source,
-        PendulumCollector(200),
+        PendulumCollector(recipe.short_steps),
         episodes,
         TrustRegionConfig(kl=recipe.kl),
         ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),

@@ -19,6 +19,10 @@ NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
 """Probabilities of replacing an action by a random one; beyond them every trajectory is the same fall."""
 
 
+UNFALLEN_STRIDE = 5
+"""Strategy rewards of noisy trajectories are averaged over every fifth step: there are many of them."""
+
+
 @dataclass(frozen=True)
 class TestSet:
     """Trajectories to judge rewards on.
@@ -79,7 +83,7 @@ def make_test_set(demonstrators: Demonstrators, seed: int, repeats: int = 2, cle
         noisy.observations,
         plain.observations,
         table_over(truth, flat),
-        table_over(truth, unfallen),
+        table_over(truth, unfallen, UNFALLEN_STRIDE),
     )
 
 
@@ -88,11 +92,11 @@ def mean_over(rewards: Rewards, trajectories: NDArray[np.floating]) -> NDArray[n
     return table_over(lambda states: rewards(states).unsqueeze(0), trajectories)[0]
 
 
-def table_over(rewards: Rewards, trajectories: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Mean reward per step of trajectories under ``[N, 4] -> [S, N]``, ``[S, ...]``."""
+def table_over(rewards: Rewards, trajectories: NDArray[np.floating], stride: int = 1) -> NDArray[np.float64]:
+    """Mean reward of every `stride`-th step of trajectories under ``[N, 4] -> [S, N]``, ``[S, ...]``."""
     lead = trajectories.shape[:-2]
-    steps = trajectories.shape[-2] - 1
-    rows = trajectories.reshape(-1, steps + 1, 4)[:, 1:]
+    rows = trajectories.reshape(-1, *trajectories.shape[-2:])[:, 1::stride]
+    steps = rows.shape[1]
     columns = []
     for start in range(0, rows.shape[0], 64):
         states: Tensor = torch.as_tensor(np.ascontiguousarray(rows[start : start + 64]), dtype=torch.float32)
@@ -170,7 +174,7 @@ def evaluate(estimate: Estimate, test: TestSet) -> Scores:
     clean = table_over(estimate.strategies, test.clean)
     strategies = clean.shape[0]
     flat = clean.reshape(strategies, -1)
-    unfallen = table_over(estimate.strategies, test.unfallen)
+    unfallen = table_over(estimate.strategies, test.unfallen, UNFALLEN_STRIDE)
     matrix = clean.mean(axis=2)
     return replace(
         scores,

@@ -86,9 +86,9 @@ class Budget:
         Adam steps of behaviour cloning before.
     """
 
-    sweeps: int = 120
-    episodes: int = 4
-    horizon: int = 250
+    sweeps: int = 60
+    episodes: int = 1
+    horizon: int = 1000
     cloning_steps: int = 800
 
 
@@ -182,10 +182,11 @@ def from_rewards(rewards: RewardModel, method: Method, seconds: float, environme
         packed[0, :, width + 1 : 2 * width + 1] = states
         return rewards.table(Transitions(packed, width, 1))
 
+    @torch.no_grad()
     def task(states: Tensor) -> Tensor:
-        found = values(states)
-        per_strategy = method in (Method.AIRL_EACH, Method.AIRL_EACH_CROSS)
-        return found.combined.mean(dim=0) if per_strategy else found.task[0]
+        if method in (Method.AIRL_EACH, Method.AIRL_EACH_CROSS):
+            return values(states).combined.mean(dim=0)
+        return rewards.task_network(rewards.task_features(states.unsqueeze(0)))[0, :, 0]
 
     return Estimate(
         task,

@@ -77,7 +77,7 @@ class StudyPlan:
         return cls(
             seeds=1,
             other_truth_seeds=0,
-            budget=Budget(sweeps=15, episodes=2, horizon=250, cloning_steps=250),
+            budget=Budget(sweeps=12, episodes=1, horizon=1000, cloning_steps=250),
             demonstrations=8,
             test_repeats=1,
             test_clean=2,

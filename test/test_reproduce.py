@@ -1,0 +1,179 @@
+"""The reproduce command: the quick study as a user runs it, and one clear line for bad input."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from msrd_ros.experiments.inverted_pendulum.demonstrators import (
+    Kind,
+    cached_demonstrators,
+    load_demonstrators,
+    save_demonstrators,
+)
+from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
+from msrd_ros.experiments.inverted_pendulum.evaluation import (
+    correlation,
+    evaluate,
+    make_test_set,
+    normalised,
+)
+from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Method
+from msrd_ros.experiments.inverted_pendulum.statistics import diagonal_test, paired_test
+from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
+from msrd_ros.experiments.reproduce import main
+from msrd_ros.facts.errors import UserError
+
+KINDS = [Kind.DIAYN, Kind.KL_ENCOURAGED, Kind.KNOWN_PREFERENCE]
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    folder = tmp_path_factory.mktemp("study")
+    started = time.process_time()
+    assert main(["inverted_pendulum", "--quick", "--out", str(folder)]) == 0
+    return folder, time.process_time() - started
+
+
+def test_quick_study_takes_less_than_a_minute_of_computing(quick: tuple[Path, float]) -> None:
+    assert quick[1] < 60.0
+
+
+def test_quick_study_writes_every_method_and_a_self_contained_report(quick: tuple[Path, float]) -> None:
+    folder = quick[0]
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["study"] == "inverted_pendulum"
+    assert metrics["seeds"] == [0]
+    assert set(metrics["methods"]) == {method.value for method in Method}
+    for name in ("msrd", "msrd_as_printed", "vanilla_distillation", "airl_each", "airl_each_cross"):
+        scores = metrics["methods"][name]
+        assert -1.0 <= scores["task_r"][0] <= 1.0
+        assert np.array(scores["strategy_r"]).shape == (1, 20)
+        assert 0 <= scores["diagonal"][0] <= 20
+    steps = [metrics["methods"][name]["env_steps"][0] for name in ("msrd", "airl", "airl_each")]
+    assert len(set(steps)) == 1
+    assert metrics["methods"]["airl"]["strategy_r"] == [None]
+    assert metrics["methods"]["classifier"]["task_r"] == [None]
+    report = (folder / "report.html").read_text()
+    assert report.count("data:image/png;base64") == 4
+    assert 'src="http' not in report
+
+
+def test_quick_study_is_meaningful(quick: tuple[Path, float]) -> None:
+    methods = json.loads((quick[0] / "metrics.json").read_text())["methods"]
+    assert methods["msrd"]["task_r"][0] > 0.7
+    assert np.mean(methods["msrd"]["strategy_r"]) > 0.4
+    assert methods["classifier"]["diagonal"][0] >= 15
+
+
+def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[Path, float]) -> None:
+    folder = quick[0]
+    first = json.loads((folder / "metrics.json").read_text())
+    started = time.process_time()
+    assert main(["inverted_pendulum", "--quick", "--out", str(folder)]) == 0
+    second = json.loads((folder / "metrics.json").read_text())
+    assert second["methods"] == first["methods"]
+    assert time.process_time() - started < 0.7 * quick[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["hopscotch"], "unknown study 'hopscotch'"),
+        (["inverted_pendulum", "--seeds", "0"], "--seeds 0"),
+        (["inverted_pendulum", "--seeds", "many"], "--seeds"),
+        ([], "study"),
+        (["inverted_pendulum", "--out", "/proc/nowhere"], "cannot write there"),
+    ],
+)
+def test_bad_input_gets_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
+
+
+def test_missing_module_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "msrd_ros.experiments.inverted_pendulum.report", None)
+    assert main(["inverted_pendulum", "--out", str(tmp_path)]) == 2
+    assert "install" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_cached_demonstrators_solve_the_task_and_survive_a_file(kind: Kind, tmp_path: Path) -> None:
+    demonstrators = cached_demonstrators(kind)
+    data = demonstrators.demonstrate(2, seed=77)
+    assert data.observations.shape == (20, 2, 1001, 4)
+    assert has_fallen(data.observations).mean() < 0.05
+    assert task_reward(data.observations).mean() > -0.05
+    save_demonstrators(tmp_path / "d.safetensors", demonstrators)
+    again = load_demonstrators(tmp_path / "d.safetensors")
+    states = torch.as_tensor(data.observations[:, 0, ::100], dtype=torch.float32).reshape(-1, 4)
+    assert torch.equal(again.truth.table(states), demonstrators.truth.table(states))
+    assert again.recipe == demonstrators.recipe
+    assert np.array_equal(again.demonstrate(2, seed=77).actions, data.actions)
+
+
+def test_damaged_demonstrators_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "d.safetensors"
+    path.write_bytes(b"nothing of the kind")
+    with pytest.raises(UserError, match=r"d\.safetensors"):
+        load_demonstrators(path)
+
+
+def test_the_truth_itself_gets_full_marks() -> None:
+    demonstrators = cached_demonstrators(Kind.DIAYN)
+    test = make_test_set(demonstrators, seed=55, repeats=1, clean=2)
+    truth = Estimate(
+        lambda states: -states[:, 1].abs(),
+        demonstrators.truth.table,
+        None,
+        {},
+        seconds=0.0,
+        environment_steps=0,
+    )
+    scores = evaluate(truth, test)
+    assert scores.task_r == pytest.approx(1.0, abs=1e-5)
+    assert scores.task_r_pooled == pytest.approx(1.0, abs=1e-5)
+    assert scores.task_r_unfallen == pytest.approx(1.0, abs=1e-4)
+    assert scores.strategy_r == pytest.approx([1.0] * 20, abs=1e-5)
+    assert scores.diagonal is not None
+    assert scores.diagonal >= 19
+
+
+def test_correlation_and_normalisation() -> None:
+    rng = np.random.default_rng(0)
+    first, second = rng.normal(size=(2, 50))
+    assert correlation(first, second) == pytest.approx(np.corrcoef(first, second)[0, 1])
+    assert correlation(first, np.ones(50)) == 0.0
+    rows = normalised(np.array([[1.0, 3.0, 2.0], [5.0, 5.0, 5.0]]))
+    assert rows.tolist() == [[0.0, 1.0, 0.5], [0.0, 0.0, 0.0]]
+
+
+def test_paired_test_gives_the_papers_kind_of_numbers() -> None:
+    rng = np.random.default_rng(0)
+    ours = rng.normal(0.8, 0.2, 20)
+    found = paired_test(ours, ours - rng.normal(0.1, 0.1, 20))
+    assert found["n"] == 20
+    assert found["t"] > 2.0
+    assert found["p_one_tailed"] < 0.05
+    assert diagonal_test(16, 20)["p"] < 1e-3
+    assert diagonal_test(1, 20)["p"] > 0.5
+
+
+def test_known_preferences_are_what_they_say() -> None:
+    likes = KnownPreferences.twenty()
+    states = torch.zeros(3, 4)
+    states[1, 0], states[2, 2] = likes.targets[11], -0.3
+    table = likes.table(states)
+    assert table.shape == (20, 3)
+    assert float(table[11, 1]) == 0.0
+    assert float(table[14, 2]) == pytest.approx(0.0, abs=1e-6)
+    assert float(table[0, 1]) == -4.0
