@@ -115,9 +115,9 @@ def test_a_bag_is_played_byte_for_byte_in_its_own_time(
     assert listener.sent_ns["rally/outcome"][-1] == max(times[-1] for times in listener.sent_ns.values())
     recorded = np.array([m.log_time_ns for m in messages if m.topic == "/joint_states"])
     played = np.array(listener.sent_ns["joint_states"])
-    late_s = np.abs((played - played[0]) - (recorded - recorded[0])) / 1e9
-    # A timer of 1 ms on a machine that others use as well.
-    assert np.median(late_s) < 0.005
+    late_s = (played - recorded - (played - recorded).min()) / 1e9
+    # Some milliseconds on a free machine; others may use this one as well.
+    assert np.median(late_s) < 0.05
     assert played[-1] - played[0] == pytest.approx(recorded[-1] - recorded[0], abs=0.2e9)
     assert listener.clock_ns[0] == messages[0].log_time_ns
     assert listener.clock_ns == sorted(listener.clock_ns)
