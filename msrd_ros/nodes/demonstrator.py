@@ -54,7 +54,7 @@ from msrd_ros.table_tennis.study_design import (
     judge_stroke,
     subject_name,
 )
-from msrd_ros.table_tennis.teachers import Teacher
+from msrd_ros.table_tennis.teachers import Teacher, compile_ahead
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class DemonstratorConfig:
     spread: str = parameter("standard", "Spread of the feeds", choices=tuple(SPREADS))
     recorder: str = parameter("recorder", "Node whose verdict on each stroke is awaited; empty: none")
     timeout_s: float = parameter(
-        20.0, "How long to wait for simulator, recorder and each answer", unit="s", low=0.5, high=600.0
+        60.0, "How long to wait for simulator, recorder and each answer", unit="s", low=0.5, high=600.0
     )
 
 
@@ -95,6 +95,7 @@ class Demonstrator(StackNode):
         self._session = StudySession(study, self._rng)
         self._teachers: dict[int, Teacher] = {}
         self._feeder = Feeder()
+        compile_ahead(Teacher(config.first_subject, config.seed), self._feeder)
         self._stage = Stage.CALLING
         self._since_s = time.monotonic()
         self._trial: Trial | None = None

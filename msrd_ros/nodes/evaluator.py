@@ -49,7 +49,7 @@ class EvaluatorConfig:
     checkpoint: str = parameter("", "Policy set whose demonstrations' landing points are aimed at")
     report: str = parameter("", "JSON file to write; empty: none")
     timeout_s: float = parameter(
-        20.0, "How long to wait for simulator, executor and each outcome", unit="s", low=0.5, high=600.0
+        60.0, "How long to wait for simulator, executor and each outcome", unit="s", low=0.5, high=600.0
     )
 
 

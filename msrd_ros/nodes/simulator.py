@@ -40,7 +40,7 @@ from msrd_ros.table_tennis.camera import CameraConfig
 from msrd_ros.table_tennis.feeder import SPREADS, Feed, Feeder
 from msrd_ros.table_tennis.rally import RallyConfig
 from msrd_ros.table_tennis.urdf import sawyer_urdf
-from msrd_ros.table_tennis.world import Tick, World, WorldConfig
+from msrd_ros.table_tennis.world import Tick, World, WorldConfig, compile_ahead
 
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25
@@ -88,7 +88,9 @@ class Simulator(StackNode):
         camera = CameraConfig(
             config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
         )
+        self.get_logger().info("starting; the first time after an installation this takes a minute")
         arm = ArmConfig(mass_scale=config.mass_scale, joint_friction_nm=config.joint_friction_nm)
+        compile_ahead(RallyConfig(arm=arm))
         self._world = World(WorldConfig(RallyConfig(arm=arm), camera, config.seed), gui=config.gui)
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.facts.labels import StrategyLabel, Stroke
+from msrd_ros.facts.labels import Side, StrategyLabel, Stroke
 from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.feeder import Feeder
 from msrd_ros.table_tennis.habits import Flaws, Habits, PopulationConfig
@@ -126,6 +126,17 @@ class Teacher:
             rates=hit[RATE].copy(),
             rates_weight=_RATES_WEIGHT,
         )
+
+
+def compile_ahead(teacher: Teacher, feeder: Feeder) -> None:
+    """Let a teacher play against thin air, so that nothing has to be compiled while a ball is flying."""
+    label = StrategyLabel(Side.FOREHAND, Stroke.PUSH)
+    stroke = teacher.begin(label, np.random.default_rng(0))
+    path = feed_path(feeder.nominal(label.side), Scene().constants())
+    for index in range(round(1.2 / PATH_PERIOD_S)):
+        time_s = index * PATH_PERIOD_S
+        stroke.see(time_s, path[index, :3])
+        stroke.hand_at(time_s, stroke.ready_posture)
 
 
 def _hit_of(stroke: JointStroke) -> Array:

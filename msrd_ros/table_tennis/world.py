@@ -73,6 +73,25 @@ class Result(NamedTuple):
     outcome: Outcome
 
 
+def compile_ahead(config: RallyConfig) -> None:
+    """Play a ball through a world of its own, so that nothing has to be compiled while others wait.
+
+    The first time after an installation this takes about a minute; from then on the compiled code is kept.
+    """
+    rally = Rally(config)
+    rally.reset(HOME_POSTURE_RAD)
+    rally.launch(Feeder().nominal(Side.FOREHAND))
+    rally.command(HOME_POSTURE_RAD, np.full(7, 0.01), 0.02)
+    rally.play_out()
+    pose = rally.paddle
+    rally.set_teach(True)
+    rally.lead_gesture(HandGesture.now(pose.position, pose.quaternion))
+    rally.advance(0.005)
+    rally.release_hand()
+    rally.advance(0.005)
+    rally.close()
+
+
 class World:
     """A Sawyer at a table with feeder, camera and referee.
 
