@@ -47,6 +47,7 @@ from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 
 STRATEGIES = 20
+_FEWEST_PREFERENCES = 8
 _POLICY_HIDDEN = (32, 32)
 _POSTERIOR_HIDDEN = (64, 64)
 
@@ -140,8 +141,8 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
 
     The rule: a candidate must stay up in every one of 10 episodes of 1,000 steps and lose no more than
     0.05 rad a step on average; of those, the 20 most distinct are kept (distinctness: how often a fresh
-    classifier of states, fitted on other episodes, recognises it). Known preferences are all kept if they
-    stay up: there are 20, and a preference is not chosen by its outcome.
+    classifier of states, fitted on other episodes, recognises it). Of the 20 known
+    preferences all that stay up are kept, at least 8: a preference is not chosen by how well it shows.
     """
     generator = torch.Generator().manual_seed(recipe.seed)
     count = STRATEGIES if recipe.kind is Kind.KNOWN_PREFERENCE else recipe.candidates
@@ -179,7 +180,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     chosen = _subset(policies, kept)
     if isinstance(source, DiaynReward):
         return Demonstrators(recipe, chosen, PosteriorTruth(source.posterior, kept), report)
-    return Demonstrators(recipe, chosen, _other_truth(recipe, chosen), report)
+    return Demonstrators(recipe, chosen, _other_truth(recipe, chosen, kept), report)
 
 
 def _balancing_policy(recipe: Recipe) -> GaussianPolicies:
@@ -246,14 +247,17 @@ def _choose(policies: GaussianPolicies, recipe: Recipe) -> tuple[tuple[int, ...]
         found = classifier.log_posterior(states[index, 5:].reshape(-1, 4)).argmax(dim=0)
         recognised[index] = float((found == index).float().mean())
     order = sorted(range(policies.strategies), key=lambda i: (not able[i], -recognised[i]))
-    kept = tuple(sorted(order[: min(STRATEGIES, policies.strategies)]))
-    if not able[list(kept)].all():
+    known = recipe.kind is Kind.KNOWN_PREFERENCE
+    needed = _FEWEST_PREFERENCES if known else STRATEGIES
+    if able.sum() < needed:
         raise UserError(
             f"demonstrators: only {int(able.sum())} of {policies.strategies} candidates stay up, "
-            f"{STRATEGIES} are needed; train longer or more"
+            f"{needed} are needed; train longer or more"
         )
+    kept = tuple(sorted(order[: int(able.sum()) if known else STRATEGIES]))
     report = {
         "candidates": policies.strategies,
+        "kept": list(kept),
         "able": int(able.sum()),
         "task_return": returns[list(kept)].tolist(),
         "recognised": recognised[list(kept)].tolist(),
@@ -269,10 +273,10 @@ def _subset(policies: GaussianPolicies, kept: tuple[int, ...]) -> GaussianPolici
     return chosen
 
 
-def _other_truth(recipe: Recipe, policies: GaussianPolicies) -> StrategyTruth:
+def _other_truth(recipe: Recipe, policies: GaussianPolicies, kept: tuple[int, ...]) -> StrategyTruth:
     if recipe.kind is Kind.KL_ENCOURAGED:
         return DivergenceTruth(policies, recipe.bound)
-    return KnownPreferences.twenty()
+    return KnownPreferences.twenty().subset(kept)
 
 
 def save_demonstrators(path: Path, demonstrators: Demonstrators) -> None:
@@ -281,7 +285,6 @@ def save_demonstrators(path: Path, demonstrators: Demonstrators) -> None:
     header: dict[str, Any] = {"recipe": asdict(demonstrators.recipe), "report": demonstrators.report}
     if isinstance(demonstrators.truth, PosteriorTruth):
         tensors["posterior"] = demonstrators.truth.posterior.flat()
-        header["kept"] = demonstrators.truth.kept
     write_atomically(path, save_tensors(tensors, metadata={"msrd_ros": json.dumps(header)}))
 
 
@@ -302,11 +305,14 @@ def load_demonstrators(path: Path) -> Demonstrators:
         generator = torch.Generator().manual_seed(0)
         policies = _fresh_policies(tensors["policies"].shape[0], generator)
         policies.set_flat(tensors["policies"])
-        truth = _other_truth(recipe, policies)
+        kept = tuple(header["report"]["kept"])
+        truth: StrategyTruth
         if recipe.kind is Kind.DIAYN:
             posterior = BatchedMLP(1, (4, *_POSTERIOR_HIDDEN, recipe.candidates), generator)
             posterior.set_flat(tensors["posterior"])
-            truth = PosteriorTruth(posterior, tuple(header["kept"]))
+            truth = PosteriorTruth(posterior, kept)
+        else:
+            truth = _other_truth(recipe, policies, kept)
     except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
         raise UserError(f"{path}: no readable demonstrators ({error}); reinstall the package") from None
     return Demonstrators(recipe, policies, truth, header["report"])

@@ -121,6 +121,17 @@ class KnownPreferences:
         """``[S, N]``."""
         return self.values(states.unsqueeze(0).expand(len(self.columns), -1, -1))
 
+    def subset(self, kept: tuple[int, ...]) -> KnownPreferences:
+        """Those of the strategies `kept`."""
+        return KnownPreferences(
+            tuple(self.columns[index] for index in kept),
+            tuple(self.targets[index] for index in kept),
+            tuple(self.widths[index] for index in kept),
+            tuple(self.absolute[index] for index in kept),
+            tuple(self.roam[index] for index in kept),
+            self.bound,
+        )
+
     @classmethod
     def twenty(cls) -> KnownPreferences:
         """12 cart positions, 4 sways (cart speeds, none too fast for the rail), 4 leans of the pole."""
