@@ -115,7 +115,7 @@ def test_presets_are_consistent() -> None:
     assert config.discriminator.cross_weight > 0.0
     printed = as_printed(config).discriminator
     assert (printed.cross_weight, printed.gradient_penalty, printed.penalise_all) == (0.0, 0.0, False)
-    strokes = table_tennis(("position",), ("speed",), ("push",))
+    strokes = table_tennis(("position",), ("speed",))
     strokes = replace(strokes, sweeps=1, episodes=3, cloning=replace(strokes.cloning, steps=10))
     run(strokes, sweeps=1, clone=True)
 

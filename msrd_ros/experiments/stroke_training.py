@@ -27,7 +27,7 @@ from msrd_ros.learning.airl import airl_per_strategy
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
-from msrd_ros.learning.presets import table_tennis
+from msrd_ros.learning.presets import table_tennis, with_corrections
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.stroke_policies import StrokeFacts, StrokePolicies, stroke_layout
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
@@ -62,16 +62,20 @@ class StrokeTrainingConfig:
         Of the start posture and of what is seen of the ball, in training.
     threads
         Of the batched simulator.
+    corrective_cloning
+        Whether the policies start from cloning with injected joint offsets and labels that undo them, rather
+        than from plain cloning.
     """
 
     method: str = "msrd"
-    sweeps: int = 150
+    sweeps: int = 120
     episodes: int = 200
     seed: int = 0
     spread: str = "standard"
     ready_noise_rad: float = 0.03
     camera_noise_m: float = 0.001
     threads: int = 2
+    corrective_cloning: bool = False
 
 
 def gather_demonstrations(episodes: Sequence[Episode]) -> Demonstrations:
@@ -153,10 +157,11 @@ class StrokeTraining:
             label: StrokeFacts(pose, landing_points.get(label, nowhere)) for label, pose in poses.items()
         }
         self.simulator = self._make_simulator(config.seed)
-        settings = table_tennis(
-            tuple(OBSERVATION_NAMES[column] for column in BALL_INPUTS), JOINT_NAMES, ACTION_NAMES
-        )
+        ball_names = tuple(OBSERVATION_NAMES[column] for column in BALL_INPUTS)
+        settings = table_tennis(ball_names, JOINT_NAMES)
         settings = replace(settings, sweeps=config.sweeps, episodes=config.episodes)
+        if config.corrective_cloning:
+            settings = with_corrections(settings, JOINT_NAMES, ACTION_NAMES)
         make = MSRD if config.method == "msrd" else airl_per_strategy
         self.trainer = make(
             settings, self.demonstrations, collector or BatchedCollector(self.simulator), config.seed

@@ -111,6 +111,11 @@ class MSRD:
         self._snapshots: Transitions | None = None
 
     @property
+    def progress(self) -> float:
+        """Share of the planned sweeps that are done, for schedules; 1 from the last one on."""
+        return min(1.0, self.sweeps_done / max(1, self.config.sweeps - 1))
+
+    @property
     def averaged_rewards(self) -> RewardModel:
         """R0 and S_i averaged over iterations: the ones to report."""
         return self._averaged.model
@@ -140,6 +145,12 @@ class MSRD:
                 self.policies.log_std.fill_(float(np.log(deviation)))
                 play_snapshot()
             self.policies.log_std.copy_(explored)
+        with torch.no_grad():
+            log_std = self.policies.log_std.clone()
+            for std in self.config.cloning.snapshot_stds:
+                self.policies.log_std.fill_(float(np.log(std)))
+                play_snapshot()
+            self.policies.log_std.copy_(log_std)
         self._snapshots = Transitions.join(played) if played else None
         return {"cloning_error": float(error.mean())}
 
@@ -172,7 +183,7 @@ class MSRD:
         reward = self._reward(generated).reshape(*rollouts.actions.shape[:2], -1)
 
         # Line 10: update the policies by TRPO with entropy bonus.
-        metrics |= self._improvement.improve(rollouts, reward)
+        metrics |= self._improvement.improve(rollouts, reward, self.progress)
 
         self.sweeps_done += 1
         metrics["reward"] = float(reward.mean())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -47,7 +49,7 @@ class PolicyImprovement:
         self._generator = generator
         self.value = ValueFunctions(policies.strategies, features, value, generator)
 
-    def improve(self, rollouts: Rollouts, reward: Tensor) -> dict[str, float]:
+    def improve(self, rollouts: Rollouts, reward: Tensor, progress: float = 0.0) -> dict[str, float]:
         """One update.
 
         Parameters
@@ -56,6 +58,8 @@ class PolicyImprovement:
             Drawn by the current policies.
         reward
             ``[S, K, T]`` of every transition, passive ones included.
+        progress
+            Share of the planned sweeps that are done, for the schedule of the trust region.
 
         Returns
         -------
@@ -83,9 +87,9 @@ class PolicyImprovement:
         deviation = advantages.std(dim=1, keepdim=True) + 1e-8
         advantages = (advantages - advantages.mean(dim=1, keepdim=True)) / deviation
 
-        report = trust_region_step(
-            self._policies, states, actions, advantages, self._trust_region, self._generator
-        )
+        shrink = 1.0 - (1.0 - self._trust_region.kl_end) * progress
+        trust_region = replace(self._trust_region, kl=self._trust_region.kl * shrink)
+        report = trust_region_step(self._policies, states, actions, advantages, trust_region, self._generator)
         returns = generalised_advantages(reward, values, discount, 1.0) + values[:, :, :-1]
         error = self.value.fit(states, times, returns.flatten(1, 2))
         with torch.no_grad():

@@ -43,21 +43,18 @@ def inverted_pendulum() -> MSRDConfig:
     )
 
 
-def table_tennis(
-    ball_names: tuple[str, ...], joint_names: tuple[str, ...], action_names: tuple[str, ...]
-) -> MSRDConfig:
+def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> MSRDConfig:
     """Table tennis strokes: R0 sees the ball, S_i the ball and the joints; the arm holds after the stroke.
+
+    Measured on six labels with 12 demonstrations each; the policies start from plain behaviour cloning.
 
     Parameters
     ----------
     ball_names, joint_names
         Observation columns of the ball and of the joint positions.
-    action_names
-        One velocity command per joint, in the order of `joint_names`.
     """
-    corrections = tuple((joint, action, 6.0) for joint, action in zip(joint_names, action_names, strict=True))
     return MSRDConfig(
-        sweeps=100,
+        sweeps=120,
         episodes=200,
         discount=0.995,
         gae_decay=0.97,
@@ -67,27 +64,45 @@ def table_tennis(
             strategy_features=FeatureConfig(names=ball_names + joint_names),
         ),
         discriminator=DiscriminatorConfig(
+            # The rewards must learn faster than the policies, or both chase each other: with half the steps and
+            # half the rate, strokes that had reached 100 % fell to 50 and came back 30 sweeps later.
+            steps=20,
             first_steps=200,
             batch=512,
-            learning_rate=5e-4,
+            learning_rate=1e-3,
             penalty_weight=0.01,
-            cross_weight=0.1,
+            # Six labels: two of the five others are strokes of the same side, which are the hard ones.
+            cross_weight=0.3,
             cross_batch=256,
             cross_demonstrations=1.0,
             centre_density=True,
             density_bounds=(-10.0, 10.0),
         ),
-        replay=ReplayConfig(keep=2048, sweeps=5, replay_share=0.5),
-        policy=PolicyConfig(hidden=(64, 64), std=0.03, std_min=0.01, std_max=0.05),
-        trust_region=TrustRegionConfig(kl=0.012),
-        value=ValueConfig(hidden=(64, 64), sees_time=True, bootstrap=False),
+        # Half of the negatives are old: once nobody misses any more, R0 would forget what a miss is.
+        replay=ReplayConfig(keep=2048, sweeps=100, replay_share=0.25, snapshot_share=0.25),
+        # At .03 training takes twice as long, for the same KL moves the mean half as far.
+        policy=PolicyConfig(hidden=(64, 64), std=0.05, std_min=0.01, std_max=0.06),
+        # More damping shortens the steps (at .1 to half the KL); late steps only wander, so they get short.
+        trust_region=TrustRegionConfig(kl=0.04, kl_end=0.1, damping=0.01),
+        # 20 steps leave most of the returns unexplained; the advantages are then mostly noise.
+        value=ValueConfig(hidden=(64, 64), steps=60, sees_time=True, bootstrap=False),
         cloning=CloningConfig(
-            steps=2000,
-            batch=512,
-            state_noise=tuple((joint, 0.03) for joint in joint_names),
-            corrections=corrections,
+            steps=2000, batch=512, snapshots=(0, 20, 40, 80, 160, 320), snapshot_episodes=20
         ),
     )
+
+
+def with_corrections(
+    config: MSRDConfig, joint_names: tuple[str, ...], action_names: tuple[str, ...]
+) -> MSRDConfig:
+    """The same run started from cloning with injected joint offsets and labels that undo them.
+
+    Offsets of .03 rad, as far as start postures stray; undone at 6 speed fractions a radian. `action_names`
+    go with `joint_names` one to one.
+    """
+    corrections = tuple((joint, action, 6.0) for joint, action in zip(joint_names, action_names, strict=True))
+    noise = tuple((joint, 0.03) for joint in joint_names)
+    return replace(config, cloning=replace(config.cloning, state_noise=noise, corrections=corrections))
 
 
 def as_printed(config: MSRDConfig) -> MSRDConfig:

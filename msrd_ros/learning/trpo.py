@@ -22,8 +22,9 @@ class TrustRegionConfig:
 
     Attributes
     ----------
-    kl
-        Largest mean KL(old || new) of one update, in nats.
+    kl, kl_end
+        Largest mean KL(old || new) of one update, in nats; it falls linearly to the share `kl_end` of it over
+        the planned sweeps. Steps that stay long wander about once the reward has nothing left to say.
     entropy_weight
         Weight of the policy's entropy in the objective (the paper's entropy bonus).
     cg_iterations, damping
@@ -35,6 +36,7 @@ class TrustRegionConfig:
     """
 
     kl: float = 0.01
+    kl_end: float = 1.0
     entropy_weight: float = 0.0
     cg_iterations: int = 10
     damping: float = 0.1
