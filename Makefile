@@ -55,9 +55,10 @@ lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-format: $(STAMP)  ## Put the code into shape
+format: $(STAMP)  ## Put the code into shape, and write config/ anew from what the nodes declare
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
+	$(BIN)/python -m msrd_ros.nodes.parameter_files
 
 clean:  ## Remove the environment, caches and builds; out/ and runs/ stay
 	rm -rf build install log msrd_ros.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -78,7 +78,7 @@ setup(
         "tqdm>=4.65",
     ],
     extras_require={
-        "studies": ["gymnasium>=1.0", "mujoco>=3.1"],
+        "studies": ["gymnasium[mujoco]>=1.0", "mujoco>=3.1"],
         "test": [
             "colcon-common-extensions>=0.3",
             "mcap-ros2-support>=0.5",

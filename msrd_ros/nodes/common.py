@@ -252,6 +252,7 @@ def run(
     """
     arguments = sys.argv[1:] if argv is None else argv
     node: Node | None = None
+    executor: SingleThreadedExecutor | None = None
     code = 0
     try:
         _answer_help(name, arguments, description)
@@ -283,6 +284,9 @@ def run(
             if close is not None:
                 close()
             node.destroy_node()
+        if executor is not None:
+            # Left to the garbage collector, it may find its own parts gone and complain.
+            executor.shutdown(timeout_sec=0)
         rclpy.try_shutdown()
     return code
 
