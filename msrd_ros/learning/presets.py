@@ -64,8 +64,8 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
             strategy_features=FeatureConfig(names=ball_names + joint_names),
         ),
         discriminator=DiscriminatorConfig(
-            # The rewards must learn faster than the policies, or both chase each other: with half the steps and
-            # half the rate, strokes that had reached 100 % fell to 50 and came back 30 sweeps later.
+            # The rewards must learn faster than the policies, or both chase each other: with half the steps
+            # and half the rate, strokes that had reached 100 % fell to 50 and came back 30 sweeps later.
             steps=20,
             first_steps=200,
             batch=512,
