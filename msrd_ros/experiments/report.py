@@ -23,7 +23,7 @@ _STYLE = """
 * { box-sizing: border-box; }
 body { font: 16px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: var(--ink); background: #f4f6f8;
   margin: 0; }
-main { max-width: 1080px; margin: 0 auto; background: var(--paper); padding: 40px 48px 64px; }
+main { max-width: 1160px; margin: 0 auto; background: var(--paper); padding: 40px 48px 64px; }
 h1 { font-size: 30px; line-height: 1.2; margin: 0 0 8px; }
 h2 { font-size: 21px; margin: 40px 0 8px; padding-top: 16px; border-top: 2px solid var(--line); }
 p { max-width: 72ch; margin: 8px 0; } p.lead { font-size: 18px; color: var(--soft); }
@@ -32,6 +32,7 @@ figcaption { color: var(--soft); font-size: 14px; max-width: 80ch; margin-top: 6
 table { border-collapse: collapse; margin: 16px 0; font-variant-numeric: tabular-nums; font-size: 15px; }
 th { text-align: left; border-bottom: 2px solid var(--ink); padding: 6px 14px 6px 0; font-weight: 600; }
 td { border-bottom: 1px solid var(--line); padding: 6px 14px 6px 0; vertical-align: top; }
+td:first-child { white-space: nowrap; }
 .numbers { display: flex; flex-wrap: wrap; gap: 16px; margin: 20px 0; }
 .number { border: 1px solid var(--line); border-top: 3px solid var(--accent);
   padding: 12px 18px; min-width: 150px; }
