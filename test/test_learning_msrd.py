@@ -59,7 +59,7 @@ def test_same_seed_same_numbers_other_seed_other_numbers() -> None:
     config = replace(
         BASE,
         replay=ReplayConfig(replay_share=0.3, snapshot_share=0.2),
-        cloning=CloningConfig(steps=20, snapshots=(0,)),
+        cloning=CloningConfig(steps=20, snapshots=(0,), disturbances=(0.5,)),
         discriminator=replace(BASE.discriminator, cross_weight=0.3, gradient_penalty=0.01),
     )
     first, second, third = (run(config, seed, clone=True) for seed in (1, 1, 2))

@@ -43,7 +43,6 @@ class CloningConfig:
     corrections: tuple[tuple[str, str, float], ...] = ()
     snapshots: tuple[int, ...] = ()
     disturbances: tuple[float, ...] = ()
-    snapshot_stds: tuple[float, ...] = ()
     snapshot_episodes: int = 2
 
 

@@ -145,12 +145,6 @@ class MSRD:
                 self.policies.log_std.fill_(float(np.log(deviation)))
                 play_snapshot()
             self.policies.log_std.copy_(explored)
-        with torch.no_grad():
-            log_std = self.policies.log_std.clone()
-            for std in self.config.cloning.snapshot_stds:
-                self.policies.log_std.fill_(float(np.log(std)))
-                play_snapshot()
-            self.policies.log_std.copy_(log_std)
         self._snapshots = Transitions.join(played) if played else None
         return {"cloning_error": float(error.mean())}
 
