@@ -84,8 +84,9 @@ class StrokePolicies:
 
     @property
     def digest(self) -> str:
-        """Tells these policies from others, in few letters."""
-        return self.policies.digest[:12]
+        """Tells these policies and their draws from others, in few letters."""
+        weights = self.policies.digest[:12]
+        return weights if self.exploration_seed is None else f"{weights}/{self.exploration_seed}"
 
     def require(self, label: StrategyLabel) -> StrokeFacts:
         """What is known of a strategy.
