@@ -47,7 +47,7 @@ from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 
 STRATEGIES = 20
-_FEWEST_PREFERENCES = 8
+_FEWEST = 8
 _POLICY_HIDDEN = (32, 32)
 _POSTERIOR_HIDDEN = (64, 64)
 
@@ -137,12 +137,12 @@ class Demonstrators:
 
 
 def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda line: None) -> Demonstrators:
-    """Train candidates and keep 20 of them.
+    """Train candidates and keep up to 20 of them.
 
     The rule: a candidate must stay up in every one of 10 episodes of 1,000 steps and lose no more than
     0.05 rad a step on average; of those, the 20 most distinct are kept (distinctness: how often a fresh
-    classifier of states, fitted on other episodes, recognises it). Of the 20 known
-    preferences all that stay up are kept, at least 8: a preference is not chosen by how well it shows.
+    classifier of states, fitted on other episodes, recognises it). DIAYN has to give 20; of the 20 known
+    preferences and of the KL-encouraged candidates those that pass are kept, at least 8.
     """
     generator = torch.Generator().manual_seed(recipe.seed)
     count = STRATEGIES if recipe.kind is Kind.KNOWN_PREFERENCE else recipe.candidates
@@ -247,14 +247,13 @@ def _choose(policies: GaussianPolicies, recipe: Recipe) -> tuple[tuple[int, ...]
         found = classifier.log_posterior(states[index, 5:].reshape(-1, 4)).argmax(dim=0)
         recognised[index] = float((found == index).float().mean())
     order = sorted(range(policies.strategies), key=lambda i: (not able[i], -recognised[i]))
-    known = recipe.kind is Kind.KNOWN_PREFERENCE
-    needed = _FEWEST_PREFERENCES if known else STRATEGIES
+    needed = STRATEGIES if recipe.kind is Kind.DIAYN else _FEWEST
     if able.sum() < needed:
         raise UserError(
             f"demonstrators: only {int(able.sum())} of {policies.strategies} candidates stay up, "
             f"{needed} are needed; train longer or more"
         )
-    kept = tuple(sorted(order[: int(able.sum()) if known else STRATEGIES]))
+    kept = tuple(sorted(order[: min(STRATEGIES, int(able.sum()))]))
     report = {
         "candidates": policies.strategies,
         "kept": list(kept),

@@ -49,7 +49,7 @@ class StudyPlan:
     seeds
         Repetitions of the main table.
     other_truth_seeds
-        Repetitions with KL-encouraged and known-preference demonstrators.
+        Repetitions with the other demonstrators.
     budget
         What each method may use.
     demonstrations
@@ -63,13 +63,13 @@ class StudyPlan:
     """
 
     seeds: int = 5
-    other_truth_seeds: int = 2
+    other_truth_seeds: int = 1
     budget: Budget = field(default_factory=Budget)
     demonstrations: int = 20
     test_repeats: int = 2
     test_clean: int = 5
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
-    kinds: tuple[Kind, ...] = (Kind.DIAYN, Kind.KL_ENCOURAGED, Kind.KNOWN_PREFERENCE)
+    kinds: tuple[Kind, ...] = (Kind.DIAYN, Kind.KNOWN_PREFERENCE)
 
     @classmethod
     def quick(cls) -> StudyPlan:

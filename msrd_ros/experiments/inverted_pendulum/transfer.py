@@ -41,9 +41,9 @@ class TransferPlan:
         Of initial weights, training and judging.
     """
 
-    sweeps: int = 120
-    episodes: int = 6
-    horizon: int = 200
+    sweeps: int = 100
+    episodes: int = 3
+    horizon: int = 400
     seed: int = 4000
 
 
