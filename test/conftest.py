@@ -16,6 +16,7 @@ import rclpy
 from processes import CHECKOUT, PACKAGE, Installation, Launcher
 from rclpy.context import Context
 from rclpy.node import Node
+from stack import Stack
 
 from msrd_ros.facts.scratch import provide_writable_directories
 
@@ -77,6 +78,22 @@ def launcher(domain_id: int, tmp_path: Path) -> Iterator[Launcher]:
     started = Launcher(Installation("checkout", checkout=True), domain_id, tmp_path)
     yield started
     started.close()
+
+
+@pytest.fixture
+def stack(domain_id: int, tmp_path: Path) -> Iterator[Stack]:
+    """Processes and a node of the test's own on its domain."""
+    with Stack(domain_id, tmp_path) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def shared_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """The same for all tests of a module, on a domain that no other test takes meanwhile."""
+    with socket.socket(socket.AF_UNIX) as reservation:
+        chosen = _reserve_domain(reservation)
+        with Stack(chosen, tmp_path_factory.mktemp("stack")) as one:
+            yield one
 
 
 @pytest.fixture(scope="session")

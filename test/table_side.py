@@ -1,0 +1,120 @@
+"""The robot's side of the table, made up for tests: hears whole ticks, answers them, feeds balls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Time as TimeMessage
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from stack import Stack
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory
+
+from msrd_ros.facts.episode import CONTROL_PERIOD_S
+from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.motion_limits import JointReference
+from msrd_ros.facts.outcome import Outcome
+from msrd_ros.facts.translation import read_outcome, stamp_to_ns
+from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE
+from msrd_ros.nodes.messages import command_to_message, feed_to_message
+from msrd_ros.table_tennis.feeder import Feed
+
+
+class SeenTick(NamedTuple):
+    """One tick as it came over the topics: joints (3, 7) are positions, velocities and efforts."""
+
+    time_ns: int
+    label: str
+    joints: NDArray[np.float64]
+    ball: NDArray[np.float64]
+    ball_stamp_ns: int
+
+
+class TableSide:
+    """Publishers and subscriptions of everybody who is not the simulator."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.states: list[JointState] = []
+        self.balls: list[PointStamped] = []
+        self.outcomes: list[tuple[StrategyLabel | None, Outcome]] = []
+        self.command = node.create_publisher(JointTrajectory, "joint_command", COMMAND)
+        self.strategy = node.create_publisher(Header, "strategy", LATCHED)
+        self.feed = node.create_publisher(Odometry, "feed", EVENT)
+        node.create_subscription(PointStamped, "ball/position", self.balls.append, STATE)
+        node.create_subscription(JointState, "joint_states", self.states.append, STATE)
+        node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
+
+    def answer(
+        self,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64] | None = None,
+        label: StrategyLabel | None = None,
+        stamp: TimeMessage | None = None,
+    ) -> JointTrajectory:
+        """Send a command, by default with the stamp of the newest joint state."""
+        reference = JointReference(position, np.zeros(7) if velocity is None else velocity)
+        message = command_to_message(
+            reference, label, stamp or self.states[-1].header.stamp, CONTROL_PERIOD_S
+        )
+        self.command.publish(message)
+        return message
+
+    def ask(self, label: StrategyLabel | str) -> None:
+        """Say which strategy is wanted."""
+        self.strategy.publish(Header(frame_id=str(label)))
+
+    def throw(self, feed: Feed, not_before_ns: int = 0) -> None:
+        """Feed a ball."""
+        self.feed.publish(feed_to_message(feed, Time(nanoseconds=not_before_ns).to_msg()))
+
+    @property
+    def tick_ns(self) -> int:
+        """Stamp of the newest joint state; -1 before the first."""
+        return stamp_to_ns(self.states[-1].header.stamp) if self.states else -1
+
+    def stand(self, stack: Stack, label: StrategyLabel | None, until: Callable[[], Any], what: str) -> None:
+        """Answer every tick with where the arm is, on behalf of a strategy, until a condition holds."""
+        answered_ns, position = -1, None
+
+        def answer_and_look() -> Any:
+            nonlocal answered_ns, position
+            if self.states and self.tick_ns != answered_ns:
+                answered_ns = self.tick_ns
+                position = np.array(self.states[-1].position) if position is None else position
+                self.answer(position, label=label)
+            return until()
+
+        stack.wait_until(answer_and_look, what)
+
+    def rally_ticks(self) -> list[SeenTick]:
+        """The labelled ticks since `clear`, each once."""
+        ticks: dict[int, SeenTick] = {}
+        # Each tick, also one that is sent again, is a ball sample and then a joint state.
+        for state, ball in zip(self.states, self.balls, strict=False):
+            time_ns, point = stamp_to_ns(state.header.stamp), ball.point
+            if state.header.frame_id:
+                ticks[time_ns] = SeenTick(
+                    time_ns,
+                    state.header.frame_id,
+                    np.array([state.position, state.velocity, state.effort]),
+                    np.array([point.x, point.y, point.z]),
+                    stamp_to_ns(ball.header.stamp),
+                )
+        return list(ticks.values())
+
+    def clear(self) -> None:
+        """Forget what was heard."""
+        for heard in (self.states, self.balls, self.outcomes):
+            heard.clear()
+
+    def _on_outcome(self, message: DiagnosticArray) -> None:
+        self.outcomes.append(read_outcome(message))
