@@ -74,9 +74,14 @@ class TrainerConfig:
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
     method: str = parameter("msrd", "Learning method", choices=METHODS)
-    sweeps: int = parameter(StrokeTrainingConfig.sweeps, "Sweeps over all strategies", low=0, high=100_000)
+    sweeps: int = parameter(60, "Sweeps over all strategies", low=0, high=100_000)
     episodes: int = parameter(
         StrokeTrainingConfig.episodes, "Rollouts per strategy and sweep", low=1, high=10_000
+    )
+    corrective_cloning: bool = parameter(
+        True,
+        "Start from cloning with injected joint offsets and labels that undo them; plain cloning otherwise, "
+        "which takes about 120 sweeps",
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
     spread: str = parameter("standard", "Spread of the feeds trained on", choices=tuple(SPREADS))
@@ -202,6 +207,7 @@ class Trainer(StackNode):
             ready_noise_rad=config.ready_noise_rad,
             camera_noise_m=config.camera_noise_m,
             threads=config.workers,
+            corrective_cloning=config.corrective_cloning,
         )
         self._training = StrokeTraining(
             self._episodes, mean_landing_points(self._episodes), settings, self._make_collector()
