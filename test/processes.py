@@ -19,7 +19,7 @@ from ament_index_python.packages import get_package_prefix
 CHECKOUT = Path(__file__).resolve().parent.parent
 PACKAGE = "msrd_ros"
 START_TIMEOUT_S = 60.0
-STOP_TIMEOUT_S = 20.0
+STOP_TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True)

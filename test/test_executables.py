@@ -23,7 +23,8 @@ from msrd_ros.__main__ import COMMANDS, EXECUTABLES, USER_ERROR, main
 
 NODES = [name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")]
 TOOLS = [name for name in EXECUTABLES if name not in NODES]
-ANSWER_TIMEOUT_S = 10.0
+ANSWER_TIMEOUT_S = 120.0
+"""A simulator answers once it has compiled, which takes a fresh installation up to a minute."""
 
 INSTEAD_OF_DEFAULTS: dict[str, dict[str, object]] = {"trainer": {"source": "played"}}
 """A trainer ends the sweep under way first, and a fresh installation compiles for half a minute in it."""
