@@ -11,11 +11,16 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from msrd_ros.facts.errors import UserError
 
-STUDIES = ("inverted_pendulum",)
+Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
+"""A study's numbers, and what writes its report from them."""
+
+STUDIES = ("inverted_pendulum", "table_tennis")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -54,7 +59,9 @@ class _Parser(argparse.ArgumentParser):
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = _Parser(prog="reproduce", description="Run the paper's studies again.")
     parser.add_argument("study", help=f"one of {', '.join((*STUDIES, 'all'))}")
-    parser.add_argument("--seeds", type=int, default=None, help="repetitions of the main table (default 5)")
+    parser.add_argument(
+        "--seeds", type=int, default=None, help="repetitions of the main table; default: the study's"
+    )
     parser.add_argument("--quick", action="store_true", help="a small version, in about a minute")
     parser.add_argument("--out", default="out/reproduce", help="where report.html and metrics.json go")
     options = parser.parse_args(argv)
@@ -76,29 +83,43 @@ def _check_writable(folder: Path) -> None:
 
 def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool) -> None:
     """One study; imports what it needs only now, so that a missing extra is a clear error."""
-    assert name == "inverted_pendulum"
     try:
         import torch
 
-        from msrd_ros.experiments.inverted_pendulum.report import write_report
-        from msrd_ros.experiments.inverted_pendulum.study import StudyPlan, run_study
+        study = {"inverted_pendulum": _inverted_pendulum, "table_tennis": _table_tennis}[name]
+        torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
+        started = time.monotonic()
+        metrics, write_report = study(folder, seeds, quick)
     except ModuleNotFoundError as error:
         missing = f"{name} needs {error.name}, which is not installed"
         raise UserError(f"{missing}; install it with `pip install 'msrd_ros[studies]'`") from None
-    from dataclasses import replace
+    from msrd_ros.experiments.report import write_text
 
-    torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
+    metrics["total_seconds"] = time.monotonic() - started
+    report = write_report(metrics)
+    write_text(folder / "metrics.json", json.dumps(metrics, indent=1) + "\n")
+    print(f"\n{report}\n{folder / 'metrics.json'}")
+
+
+def _inverted_pendulum(folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.experiments.inverted_pendulum.report import write_report
+    from msrd_ros.experiments.inverted_pendulum.study import StudyPlan, run_study
+
     plan = StudyPlan.quick() if quick else StudyPlan()
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
-    started = time.monotonic()
     metrics = run_study(plan, folder / "runs", _ticker())
-    metrics["total_seconds"] = time.monotonic() - started
-    report = write_report(metrics, plan, folder)
-    from msrd_ros.experiments.report import write_text
+    return metrics, lambda found: write_report(found, plan, folder)
 
-    write_text(folder / "metrics.json", json.dumps(metrics, indent=1) + "\n")
-    print(f"\n{report}\n{folder / 'metrics.json'}")
+
+def _table_tennis(folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.experiments.table_tennis.report import write_report
+    from msrd_ros.experiments.table_tennis.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    return run_study(plan, folder, _ticker()), lambda found: write_report(found, folder)
 
 
 def _ticker() -> Callable[[str], None]:

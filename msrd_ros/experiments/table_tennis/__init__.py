@@ -1,0 +1,1 @@
+"""The table tennis study: six strokes from recordings to rates, rewards and a report."""

@@ -1,0 +1,111 @@
+"""Figures of the table tennis report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from msrd_ros.experiments.demo_report import SIDE_LINES, STROKE_COLOURS, STROKE_HATCHES
+from msrd_ros.facts.labels import Side, StrategyLabel
+from msrd_ros.table_tennis.rates import SPIN_CLASS_BORDER_RAD_S
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def training_curves(metrics: dict[str, Any]) -> Figure:
+    """Struck and returned shares over seconds of training, MSRD above and frozen rewards below."""
+    import matplotlib.pyplot as plt
+
+    names = [
+        name
+        for name in ("msrd", "msrd_plain_start", "frozen_reward")
+        if len(metrics["methods"].get(name, {}).get("curves", [[]])[0]) > 1
+    ]
+    titles = {
+        "msrd": "MSRD",
+        "msrd_plain_start": "MSRD from plain cloning",
+        "frozen_reward": "frozen R0 + S_i",
+    }
+    figure, panels = plt.subplots(
+        max(len(names), 1), 2, figsize=(11, 3.0 * max(len(names), 1)), sharey=True, squeeze=False
+    )
+    for row, name in zip(panels, names, strict=False):
+        curve = metrics["methods"][name]["curves"][0]
+        minutes = [point["seconds"] / 60 for point in curve]
+        for axes, kind in zip(row, ("struck", "returned"), strict=True):
+            for index, text in enumerate(metrics["labels"]):
+                label = StrategyLabel.parse(text)
+                axes.plot(
+                    minutes,
+                    [100 * point[kind][index] for point in curve],
+                    SIDE_LINES[label.side],
+                    color=STROKE_COLOURS[label.stroke],
+                    label=text,
+                )
+            axes.set_title(f"{titles[name]}: {kind}")
+            axes.set_xlabel("minutes of training")
+            axes.set_ylim(0, 103)
+            axes.grid(alpha=0.3)
+        row[0].set_ylabel("balls, %")
+    panels[0][1].legend(fontsize=7, ncols=2, loc="lower right")
+    figure.tight_layout()
+    return figure
+
+
+def spin_histograms(metrics: dict[str, Any]) -> Figure:
+    """Spin of MSRD's returned balls, one panel a side."""
+    import matplotlib.pyplot as plt
+
+    spins = metrics["methods"]["msrd"]["spins"]
+    figure, panels = plt.subplots(1, 2, figsize=(11, 3.0), sharey=True, sharex=True)
+    bins = np.arange(-200, 201, 10)
+    for axes, side in zip(panels, Side, strict=True):
+        for text in metrics["labels"]:
+            label = StrategyLabel.parse(text)
+            if label.side is side:
+                axes.hist(
+                    spins[text],
+                    bins=bins,
+                    color=STROKE_COLOURS[label.stroke],
+                    alpha=0.75,
+                    label=label.stroke.value,
+                    hatch=STROKE_HATCHES[label.stroke],
+                    edgecolor="white",
+                )
+        for border in (-SPIN_CLASS_BORDER_RAD_S, SPIN_CLASS_BORDER_RAD_S):
+            axes.axvline(border, color="#333", linestyle=":", linewidth=1)
+        axes.set_title(side.value)
+        axes.set_xlabel("spin, rad/s")
+        axes.legend(fontsize=8)
+    panels[0].set_ylabel("balls")
+    return figure
+
+
+def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
+    """Strategy matrices of the first seed, of every method that has one."""
+    import matplotlib.pyplot as plt
+
+    shown = {name: np.array(m["matrix"][0]) for name, m in methods.items() if m["matrix"][0] is not None}
+    figure, panels = plt.subplots(1, len(shown), figsize=(4.6 * len(shown), 4.4), squeeze=False)
+    for axes, (name, matrix) in zip(panels[0], shown.items(), strict=True):
+        axes.imshow(matrix, cmap="cividis", vmin=0, vmax=1)
+        axes.set_xticks(range(len(labels)), labels, rotation=40, ha="right", fontsize=7)
+        axes.set_yticks(range(len(labels)), labels, fontsize=7)
+        axes.set_title(name, fontsize=9)
+        for row in range(len(labels)):
+            for column in range(len(labels)):
+                value = matrix[row, column]
+                axes.text(
+                    column,
+                    row,
+                    f"{value:.2f}",
+                    ha="center",
+                    va="center",
+                    fontsize=7,
+                    fontweight="bold" if column == matrix[row].argmax() else "normal",
+                    color="white" if value < 0.6 else "black",
+                )
+    figure.tight_layout()
+    return figure

@@ -1,0 +1,262 @@
+"""The table tennis study from start to end, resumable: every run leaves a folder that is not run again.
+
+Seeds are kept apart: training k draws from seed 1000 + k, its evaluation balls from stream
+`EVALUATION_STREAM` with seed 4000 + k, and nothing was tuned on either.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from msrd_ros.experiments.table_tennis.judging import judge, undone_pairs
+from msrd_ros.experiments.table_tennis.methods import MAIN_METHODS, Budget, Learned, Method, learn
+from msrd_ros.experiments.table_tennis.playing import (
+    Conditions,
+    LearnedStrokes,
+    Played,
+    Repertoire,
+    ReplayedMotions,
+    Table,
+    evaluation_balls,
+)
+from msrd_ros.experiments.table_tennis.recording import Progress, StudyData, load_episodes, record, split
+from msrd_ros.experiments.table_tennis.results import (
+    evaluation_report,
+    method_metrics,
+    robustness_metrics,
+    save_films,
+)
+from msrd_ros.experiments.table_tennis.robustness import robustness_conditions
+from msrd_ros.facts.labels import ALL_LABELS
+from msrd_ros.facts.resources import shipped_bags
+from msrd_ros.learning.checkpoints import write_atomically
+from msrd_ros.learning.stroke_policies import StrokePolicies
+
+TRAINING_SEED, EVALUATION_SEED, ROBUSTNESS_SEED = 1000, 4000, 5000
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """What to run.
+
+    Attributes
+    ----------
+    seeds
+        Training seeds.
+    subjects, recordings
+        Of the recorded study; 0 subjects takes the bags that the package ships instead.
+    held_out
+        Subjects kept from training.
+    budget
+        What each method may use.
+    balls, robustness_balls
+        Evaluation balls per label and training seed; the latter for every row of the robustness table.
+    methods, supplement
+        Rows of the table; the supplement comes last and on the first seed only.
+    conditions
+        Rows of the robustness table; None takes all.
+    workers
+        Processes that play; 0 plays in this one.
+    """
+
+    seeds: int = 3
+    subjects: int = 10
+    recordings: int = 3
+    held_out: int = 2
+    budget: Budget = field(default_factory=Budget)
+    balls: int = 200
+    robustness_balls: int = 50
+    methods: tuple[Method, ...] = MAIN_METHODS
+    supplement: tuple[Method, ...] = (
+        Method.MSRD_AS_PRINTED,
+        Method.MSRD_PLAIN_START,
+        Method.AIRL_EACH_CROSS,
+    )
+    conditions: tuple[str, ...] | None = None
+    workers: int = 2
+
+    @classmethod
+    def quick(cls) -> StudyPlan:
+        """A small version for a first look and for the tests: shipped bags, one seed, few balls."""
+        return cls(
+            seeds=1,
+            subjects=0,
+            held_out=1,
+            budget=Budget(
+                sweeps=2,
+                plain_sweeps=2,
+                episodes=40,
+                cloning_steps=400,
+                rehearse_every=2,
+                rehearse_balls=40,
+                threads=1,
+            ),
+            balls=4,
+            robustness_balls=1,
+            supplement=(),
+            conditions=("60 Hz, 3 mm, 20 ms, 10 % lost, estimator", "masses +10 %"),
+            workers=0,
+        )
+
+
+class Study:
+    """One study in one folder.
+
+    Parameters
+    ----------
+    plan
+        What to run.
+    folder
+        Bags, logs, runs and films go below it.
+    progress
+        Told what is going on, line by line.
+    """
+
+    def __init__(self, plan: StudyPlan, folder: Path, progress: Progress) -> None:
+        self.plan = plan
+        self._runs = folder / "runs"
+        self._films = folder / "films"
+        self._progress = progress
+        bags = shipped_bags()
+        if plan.subjects:
+            bags = folder / "bags"
+            record(bags, folder / "logs", plan.subjects, plan.recordings, progress)
+        self.data: StudyData = split(load_episodes(bags, progress), plan.held_out)
+        self._pairs = undone_pairs(self.data, 0)
+
+    def run(self) -> dict[str, Any]:
+        """Everything; the content of ``metrics.json``."""
+        plan = self.plan
+        rows: dict[Method, list[dict[str, Any]]] = {}
+        with Table(plan.workers) as table:
+            for seed in range(plan.seeds):
+                for method in plan.methods:
+                    rows.setdefault(method, []).append(self._row(method, seed, table))
+            robustness = self._robustness(table)
+            for method in plan.supplement:
+                rows.setdefault(method, []).append(self._row(method, 0, table))
+        labels = [str(label) for label in ALL_LABELS]
+        methods = {method.value: method_metrics(found, labels) for method, found in rows.items()}
+        if Method.FROZEN_REWARD in methods and Method.BEHAVIOUR_CLONING in methods:
+            # Same seed, same cloning: its policies are the ones that the frozen rewards then improve.
+            for label, row in methods[Method.FROZEN_REWARD]["labels"].items():
+                start = methods[Method.BEHAVIOUR_CLONING]["labels"][label]
+                row["returned_at_start"] = start["returned"]
+        return {
+            "study": "table_tennis",
+            "seeds": list(range(plan.seeds)),
+            "labels": labels,
+            "methods": methods,
+            "robustness": robustness_metrics(robustness, labels),
+            "subjects": {
+                name: sorted({episode.subject for episode in part})
+                for name, part in (("training", self.data.training), ("held_out", self.data.held_out))
+            },
+            "plan": asdict(plan),
+        }
+
+    def _row(self, method: Method, seed: int, table: Table) -> dict[str, Any]:
+        """All about one method and training seed, from its folder or anew."""
+        folder = self._folder(method, seed)
+        result: dict[str, Any] = {}
+        repertoire: Repertoire
+        if method is Method.OPEN_LOOP:
+            groups = {label: [e for e in self.data.training if e.label == label] for label in ALL_LABELS}
+            repertoire = ReplayedMotions(groups)
+        else:
+            learned = self._learned(method, seed)
+            repertoire = LearnedStrokes(learned.policies)
+            result |= learned.report
+            if learned.rewards:
+                budget = self.plan.budget
+                result |= judge(method, learned.rewards, self.data, self._pairs, budget, TRAINING_SEED + seed)
+        path = folder / f"evaluation-{self.plan.balls}.json"
+        if not path.exists():
+            self._progress(f"{method} seed {seed}: plays {self.plan.balls} balls of each stroke")
+            played = self._play(table, repertoire, self.plan.balls, EVALUATION_SEED + seed, Conditions())
+            if method is Method.MSRD and seed == 0:
+                save_films(self._films, played.films)
+            report = evaluation_report(played, self.plan.balls, self.data.landing_points)
+            write_atomically(path, json.dumps(report).encode())
+        return result | json.loads(path.read_text())
+
+    def _robustness(self, table: Table) -> dict[str, list[dict[str, Any]]]:
+        """MSRD's policies under every condition, by name and seed."""
+        plan = self.plan
+        conditions = robustness_conditions()
+        names = plan.conditions or tuple(conditions)
+        rows: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+        for seed in range(plan.seeds):
+            learned = self._learned(Method.MSRD, seed)
+            for name in names:
+                words = "".join(c if c.isalnum() else "_" for c in name)
+                path = self._folder(Method.MSRD, seed) / f"robust-{plan.robustness_balls}-{words}.json"
+                if not path.exists():
+                    self._progress(f"robustness, seed {seed}: {name}")
+                    balls = plan.robustness_balls
+                    played = self._play(
+                        table,
+                        LearnedStrokes(learned.policies),
+                        balls,
+                        ROBUSTNESS_SEED + seed,
+                        conditions[name],
+                    )
+                    report = evaluation_report(played, balls, self.data.landing_points)
+                    write_atomically(path, json.dumps(report).encode())
+                rows[name].append(json.loads(path.read_text()))
+        return rows
+
+    def _play(
+        self, table: Table, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions
+    ) -> Played:
+        world = replace(conditions.world, seed=seed)
+        conditions = replace(conditions, world=world)
+        return table.play(
+            repertoire, evaluation_balls(ALL_LABELS, balls, seed, conditions.spread), conditions
+        )
+
+    def _learned(self, method: Method, seed: int) -> Learned:
+        """A method's run, taken up or made."""
+        folder = self._folder(method, seed)
+        files = [folder / name for name in ("policies.safetensors", "rewards.safetensors", "training.json")]
+        if all(path.exists() for path in files):
+            return Learned(
+                StrokePolicies.load(files[0]),
+                load_tensors(files[1].read_bytes()),
+                json.loads(files[2].read_text()),
+            )
+        self._progress(f"{method} seed {seed}: starts")
+        frozen = self._learned(Method.MSRD, seed).rewards if method is Method.FROZEN_REWARD else None
+        learned = learn(method, self.data, self.plan.budget, TRAINING_SEED + seed, self._progress, frozen)
+        rewards = {name: value.contiguous() for name, value in learned.rewards.items()}
+        contents = (
+            learned.policies.to_bytes(),
+            save_tensors(rewards),
+            json.dumps(learned.report).encode(),
+        )
+        for path, content in zip(files, contents, strict=True):
+            write_atomically(path, content)
+        return learned
+
+    def _folder(self, method: Method, seed: int) -> Path:
+        """Where a run is kept: a run is taken up only if nothing about it has changed."""
+        key = _key(asdict(self.plan.budget), self.data.digest, method)
+        return self._runs / f"{method}-{seed}-{key}"
+
+
+def _key(*parts: Any) -> str:
+    text = json.dumps([*parts, torch.__version__], default=str)
+    return sha256(text.encode()).hexdigest()[:12]
+
+
+def run_study(plan: StudyPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Run, or go on with, the study in `folder`; the content of ``metrics.json``."""
+    return Study(plan, folder, progress).run()
