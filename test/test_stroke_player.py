@@ -156,3 +156,20 @@ def test_an_arm_found_at_its_limits_is_led_away_from_them(start: np.ndarray) -> 
         reference = player.tick(player.reference.position, np.array([1.5, 0.0, 1.0]), 20_000_000 * step)
         assert np.all((reference.position >= POSITION_LOWER_RAD) & (reference.position <= POSITION_UPPER_RAD))
     assert player.phase is Phase.READY
+
+
+def test_an_arm_that_strays_is_led_on_from_where_it_is() -> None:
+    player = StrokePlayer(HOME_POSTURE_RAD, tracking_tolerance_rad=0.1)
+    player.prepare(lambda _: np.full(7, 0.5), HOME_POSTURE_RAD)
+    for step in range(15):
+        player.tick(player.reference.position, *at_ball(step))
+    assert player.phase is Phase.STROKE
+    held_up = player.reference.position - np.array([0.0, 0.0, 0.11, 0.0, 0.0, 0.0, 0.0])
+    reference = player.tick(held_up, *at_ball(15))
+    assert player.phase is Phase.RESTING
+    np.testing.assert_array_equal(reference.position, held_up)
+    np.testing.assert_array_equal(reference.velocity, 0.0)
+    # The stroke counts, and the next one comes after its time.
+    for step in range(16, 3 + HORIZON):
+        player.tick(player.reference.position, *at_ball(step))
+    assert (player.phase, player.strokes_begun) == (Phase.READYING, 1)

@@ -25,7 +25,7 @@ from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
-from msrd_ros.table_tennis.stroke_player import Phase, StrokePlayer
+from msrd_ros.table_tennis.stroke_player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 
 START_UP_S = 3.0
 """How long a starting executor looks for another one that is already there."""
@@ -51,7 +51,11 @@ class ExecutorConfig:
         0.15, "Older joint states or ball positions make the arm stop", unit="s", low=0.02, high=5.0
     )
     tracking_tolerance_rad: float = parameter(
-        0.25, "A joint further than this from its command makes the arm stop", unit="rad", low=0.01, high=1.0
+        TRACKING_TOLERANCE_RAD,
+        "A joint further than this from its command makes the arm stop",
+        unit="rad",
+        low=0.01,
+        high=1.0,
     )
 
 
@@ -77,7 +81,6 @@ class Executor(StackNode):
         self._counts = {"commands": 0, "swaps": 0, "stops": 0, "refused": 0}
         if self.config.checkpoint:
             self._arriving = StrokePolicies.load(Path(self.config.checkpoint))
-            self._digest = self._arriving.digest
         self._command = self.create_publisher(JointTrajectory, "joint_command", COMMAND)
         lockstep = self.config.mode == "lockstep"
         self._inputs = TickInputs(self, lockstep, self._act, self._send_again, self._refuse)
@@ -89,9 +92,8 @@ class Executor(StackNode):
         self._look = steady_timer(self, 0.1, self._look_for_another_executor)
         if self.config.mode == "real_time":
             steady_timer(self, 0.02, self._watch)
-        self.get_logger().info(
-            f"ready: {self.config.mode}, {'policies ' + self._digest if self._digest else 'no policies yet'}"
-        )
+        found = f"policies {self._arriving.digest}" if self._arriving else "no policies yet"
+        self.get_logger().info(f"ready: {self.config.mode}, {found}")
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         phase = self._player.phase.value if self._player else "no joint_states yet"
@@ -118,7 +120,7 @@ class Executor(StackNode):
         except UserError as error:
             self._refuse(error)
             return
-        self._arriving, self._digest = policies, policies.digest
+        self._arriving = policies
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._enabled = request.data
@@ -152,19 +154,14 @@ class Executor(StackNode):
             return player.hold()
 
     def _follow(self, position: NDArray[np.float64]) -> StrokePlayer:
-        """The player; begun anew from where the arm is if it has strayed from its command."""
-        if self._player is not None:
-            error = np.abs(position - self._player.reference.position)
-            if error.max() <= self.config.tracking_tolerance_rad:
-                return self._player
-            joint = JOINT_NAMES[int(error.argmax())]
-            self._refuse(
-                UserError(
-                    f"joint {joint} is {error.max():.2f} rad from its command; starting anew from there"
-                )
-            )
-        self._player = StrokePlayer(position)
-        self._strategy = None
+        """The player; led on from where the arm is if it has strayed from its command."""
+        if self._player is None:
+            self._player = StrokePlayer(position, self.config.tracking_tolerance_rad)
+        joint = JOINT_NAMES[int(np.abs(position - self._player.reference.position).argmax())]
+        error = self._player.follow(position)
+        if error > self.config.tracking_tolerance_rad:
+            self._counts["stops"] += 1
+            self._refuse(UserError(f"joint {joint} is {error:.2f} rad from its command; going on from there"))
         return self._player
 
     def _adopt(self, player: StrokePlayer) -> None:
@@ -174,6 +171,7 @@ class Executor(StackNode):
         swapped = self._arriving is not None
         if self._arriving is not None:
             self._policies, self._arriving = self._arriving, None
+            self._digest = self._policies.digest
             self._counts["swaps"] += 1
             # At once: a trainer that rolls out over topics waits for its policies to be in force.
             self.publish_diagnostics()

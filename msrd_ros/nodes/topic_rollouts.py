@@ -18,7 +18,7 @@ from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.outcome import Outcome
-from msrd_ros.facts.translation import EpisodeAssembler, read_outcome
+from msrd_ros.facts.translation import EpisodeAssembler, read_outcome, stamp_to_ns
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
@@ -60,6 +60,7 @@ class TopicCollector:
         self._decided = threading.Event()
         self._assembler: EpisodeAssembler | None = None
         self._outcome: Outcome | None = None
+        self._over_ns = self._joints_ns = self._ball_ns = 0
         self._policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._strategy = node.create_publisher(Header, "strategy", LATCHED)
         self._feed = node.create_publisher(Odometry, "feed", EVENT)
@@ -97,6 +98,7 @@ class TopicCollector:
             self._strategy.publish(strategy_message(stroke.label, self._node.get_clock().now().to_msg()))
             self._wait(self._taken_up, f"the executor does not take up strategy {stroke.label}")
             self._decided.clear()
+            self._outcome = None
             self._assembler = EpisodeAssembler(stroke.label)
             self._feed.publish(feed_to_message(stroke.feed))
             self._wait(self._decided, f"no rally/outcome for ball {stroke.number} ({stroke.label})")
@@ -126,12 +128,22 @@ class TopicCollector:
     def _on_ball(self, message: PointStamped) -> None:
         if self._assembler is not None:
             self._assembler.add_ball_position(message)
+            self._ball_ns = stamp_to_ns(message.header.stamp)
+            self._decide_if_all_was_heard()
 
     def _on_joint_state(self, message: JointState) -> None:
         if self._assembler is not None:
             self._assembler.add_joint_state(message)
+            self._joints_ns = stamp_to_ns(message.header.stamp)
+            self._decide_if_all_was_heard()
 
     def _on_outcome(self, message: DiagnosticArray) -> None:
         if self._assembler is not None:
             _, self._outcome = read_outcome(message)
+            self._over_ns = stamp_to_ns(message.header.stamp)
+            self._decide_if_all_was_heard()
+
+    def _decide_if_all_was_heard(self) -> None:
+        """An outcome overtakes states that still wait in their queues: the stroke is whole with its tick."""
+        if self._outcome is not None and min(self._joints_ns, self._ball_ns) >= self._over_ns:
             self._decided.set()

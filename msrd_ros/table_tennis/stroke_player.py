@@ -17,6 +17,9 @@ PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 READY_TOLERANCE_RAD = 1e-5
 
+TRACKING_TOLERANCE_RAD = 0.25
+"""A joint further than this from its command has met something."""
+
 
 class Phase(Enum):
     """What the arm is doing."""
@@ -32,18 +35,24 @@ class StrokePlayer:
 
     Between balls the reference moves to the ready pose and rests there. From the first sample that shows a
     fed ball the policy acts for `ACTING_STEPS` ticks; then the arm comes to rest until the episode is over.
-    A ball that is fed before the arm is ready is let through.
+    A ball that is fed before the arm is ready is let through. An arm that strays from its command is led on
+    from where it is, and its stroke is over.
 
     Parameters
     ----------
     joint_position
         Where the joints are now, shape (7,), rad.
+    tracking_tolerance_rad
+        A joint further than this from its command has strayed.
     """
 
-    def __init__(self, joint_position: NDArray[np.float64]) -> None:
+    def __init__(
+        self, joint_position: NDArray[np.float64], tracking_tolerance_rad: float = TRACKING_TOLERANCE_RAD
+    ) -> None:
         self.reference = JointReference(joint_position.copy(), np.zeros(7))
         self.phase = Phase.READYING
         self.strokes_begun = 0
+        self._tracking_tolerance_rad = tracking_tolerance_rad
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = joint_position.copy()
         self._ball = BallTracker()
@@ -90,6 +99,7 @@ class StrokePlayer:
         UserError
             If the policy's output is not a number; the caller then holds still.
         """
+        self.follow(joint_position)
         was_fed = self._ball.fed
         self._ball.add(ball_position, ball_stamp_ns)
         if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
@@ -105,6 +115,14 @@ class StrokePlayer:
             self._move_to_ready(period_s)
         self._count()
         return self.reference
+
+    def follow(self, joint_position: NDArray[np.float64]) -> float:
+        """Start anew from the arm, shape (7,), rad, if it has strayed; how far the worst joint is off."""
+        error = float(np.abs(joint_position - self.reference.position).max())
+        if error > self._tracking_tolerance_rad:
+            self.reference = JointReference(joint_position.copy(), np.zeros(7))
+            self.phase = Phase.RESTING if self.phase in (Phase.STROKE, Phase.RESTING) else Phase.READYING
+        return error
 
     def hold(self, period_s: float = CONTROL_PERIOD_S) -> JointReference:
         """Decelerate to a stop and stay: for stale inputs, a disabled executor or an unusable policy."""
