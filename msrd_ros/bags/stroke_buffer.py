@@ -32,7 +32,7 @@ class StrokeBuffer:
         self._feeds: deque[Arrival] = deque()
         self._outcomes: deque[Arrival] = deque()
         self._strategy: Arrival | None = None
-        self._newest_ns: dict[str, int] = {}
+        self._newest: dict[str, Arrival] = {}
         self._simulated = False
         self._stamp_ns = 0
         self._quiet_ticks = 0
@@ -52,7 +52,7 @@ class StrokeBuffer:
         """Take a message of a topic that is to be recorded."""
         self._quiet_ticks = 0
         if arrival.role in STATES:
-            self._newest_ns[arrival.role] = arrival.received_ns
+            self._newest[arrival.role] = arrival
         if arrival.role == JOINT_STATES:
             self._watch_clock(arrival)
         elif arrival.role == FEED:
@@ -73,8 +73,11 @@ class StrokeBuffer:
             return False
         if len(self._outcomes) > 1 or self._quiet_ticks >= _QUIET_TICKS:
             return True
-        past_ns = self._outcomes[0].received_ns + int(self._settings.settle_s * 1e9)
-        return all(self._newest_ns.get(role, 0) >= past_ns for role in STATES)
+        # A simulator sends all topics itself, so that their order of sending tells; on a starved machine the
+        # order of receiving does not.
+        patience_ns = 0 if self._simulated else int(self._settings.settle_s * 1e9)
+        past_ns = self._key(self._outcomes[0]) + patience_ns
+        return all(role in self._newest and self._key(self._newest[role]) > past_ns for role in STATES)
 
     def cut(self) -> Stroke:
         """Take the stroke of the oldest pending outcome out of the buffer."""

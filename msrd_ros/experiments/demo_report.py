@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.reader import Bag
 from msrd_ros.experiments.report import Report
 from msrd_ros.facts.episode import CONTROL_PERIOD_S, Episode
+from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import Side, StrategyLabel, Stroke
 from msrd_ros.table_tennis.rates import SPIN_CLASS_BORDER_RAD_S
 from msrd_ros.table_tennis.render import film_frames, film_strip
@@ -150,12 +152,14 @@ def _write_rates(report: Report, rows: dict[str, Any]) -> None:
 
 
 def played_strokes(folder: Path) -> dict[StrategyLabel, Episode]:
-    """One recorded stroke per label, a returned one where there is one."""
+    """One recorded stroke per label, one that the recorder accepted where there is one."""
     chosen: dict[StrategyLabel, Episode] = {}
     library = BagLibrary.scan(folder)
     for info in sorted(library.bags, key=lambda bag: not bag.kept):
-        for episode in read_episodes(Bag(info.path)):
-            chosen.setdefault(episode.label, episode)
+        # A stroke that was kept although it was refused may not be whole; the page does without it.
+        with suppress(UserError):
+            for episode in read_episodes(Bag(info.path)):
+                chosen.setdefault(episode.label, episode)
     return chosen
 
 
