@@ -74,14 +74,13 @@ class TrainerConfig:
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
     method: str = parameter("msrd", "Learning method", choices=METHODS)
-    sweeps: int = parameter(60, "Sweeps over all strategies", low=0, high=100_000)
+    sweeps: int = parameter(StrokeTrainingConfig.sweeps, "Sweeps over all strategies", low=0, high=100_000)
     episodes: int = parameter(
         StrokeTrainingConfig.episodes, "Rollouts per strategy and sweep", low=1, high=10_000
     )
     corrective_cloning: bool = parameter(
-        True,
-        "Start from cloning with injected joint offsets and labels that undo them; plain cloning otherwise, "
-        "which takes about 120 sweeps",
+        StrokeTrainingConfig.corrective_cloning,
+        "Start from cloning with injected joint offsets and labels that undo them, not from plain cloning",
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
     spread: str = parameter("standard", "Spread of the feeds trained on", choices=tuple(SPREADS))
