@@ -130,8 +130,8 @@ def test_home_is_not_needed(launcher: Launcher, ros_node: Node, tmp_path: Path) 
     launcher.set("TMPDIR", str(tmp_path))
     for variable in ("ROS_LOG_DIR", "NUMBA_CACHE_DIR", "MPLCONFIGDIR", "XDG_CACHE_HOME"):
         launcher.unset(variable)
-    process = launcher.start("simulator")
-    _ask(ros_node, process, ListParameters, "/simulator/list_parameters", ListParameters.Request())
+    process = launcher.start("executor")
+    _ask(ros_node, process, ListParameters, "/executor/list_parameters", ListParameters.Request())
     assert process.stop() == 0, process.output
     assert (tmp_path / f"msrd_ros-{os.getuid()}" / "ros_log").is_dir()
 
