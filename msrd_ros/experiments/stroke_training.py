@@ -117,6 +117,16 @@ def ready_poses(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDArray[np.f
     }
 
 
+def mean_landing_points(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDArray[np.float64]]:
+    """Where returned balls landed on average, (2,) in m, by label; only where that is known."""
+    points: dict[StrategyLabel, list[tuple[float, float]]] = {}
+    for episode in episodes:
+        if episode.outcome is not None and episode.outcome.returned:
+            point = episode.outcome.landing_x_m, episode.outcome.landing_y_m
+            points.setdefault(episode.label, []).append(point)
+    return {label: np.mean(found, axis=0) for label, found in points.items()}
+
+
 class StrokeTraining:
     """One training run on demonstrated strokes.
 

@@ -91,7 +91,7 @@ class TopicCollector:
         self._swapped.clear()
         self._policy.publish(bytes_to_message(batch.policies.to_bytes()))
         self._wait(self._swapped, "the executor does not take up the policies")
-        played = []
+        played: list[tuple[Episode, Outcome]] = []
         for stroke in batch.strokes:
             self._wanted = stroke.label
             self._taken_up.clear()

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 from diagnostic_msgs.msg import DiagnosticArray
-from numpy.typing import NDArray
 from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 from tqdm import tqdm
@@ -22,21 +17,20 @@ from tqdm import tqdm
 from msrd_ros.bags.episodes import read_episodes
 from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.reader import Bag
-from msrd_ros.experiments.report import write_text
 from msrd_ros.experiments.stroke_rollouts import BulletCollector, BulletPlayers
 from msrd_ros.experiments.stroke_training import (
     METHODS,
     POLICIES_FILE,
-    RESULT_FILE,
     StrokeTraining,
     StrokeTrainingConfig,
+    mean_landing_points,
 )
+from msrd_ros.experiments.training_run import RunConfig, TrainingRun
 from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.facts.parameters import parameter
 from msrd_ros.facts.resources import shipped_bags
-from msrd_ros.learning.checkpoints import load_checkpoint, save_checkpoint, write_atomically
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.stroke_policies import StrokePolicies
 from msrd_ros.nodes.common import EVENT, LATCHED, Finished, StackNode, run, status, steady_timer
@@ -45,8 +39,6 @@ from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.table_tennis.feeder import SPREADS
 from msrd_ros.table_tennis.world import WorldConfig
-
-CHECKPOINT_FILE = "checkpoint.safetensors"
 
 
 @dataclass(frozen=True)
@@ -126,11 +118,8 @@ class Trainer(StackNode):
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
         self._thread: threading.Thread | None = None
-        self._stop = threading.Event()
-        self._checkpoint_wanted = threading.Event()
+        self._run: TrainingRun | None = None
         self._failure: BaseException | None = None
-        self._metrics: dict[str, float] = {}
-        self._curve: list[dict[str, Any]] = []
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
         self.create_service(Trigger, "~/start", self._on_start)
@@ -148,8 +137,8 @@ class Trainer(StackNode):
 
     def close(self) -> None:
         """End training after the present sweep, and keep what was learned."""
-        self._stop.set()
-        if self._thread is not None:
+        if self._run is not None and self._thread is not None:
+            self._run.stop.set()
             self._thread.join()
         if self._players is not None:
             self._players.close()
@@ -211,12 +200,16 @@ class Trainer(StackNode):
         self._training = StrokeTraining(
             self._episodes, mean_landing_points(self._episodes), settings, self._make_collector()
         )
+        self._run = TrainingRun(
+            self._training,
+            self._episodes,
+            RunConfig(self._out, config.rehearse_every, config.rehearse_balls, config.checkpoint_every),
+            self._publish_policies,
+            self._publish_progress,
+        )
         if config.resume:
-            path = self._out / CHECKPOINT_FILE
-            load_checkpoint(path, self._training.trainer)
-            self._curve = json.loads((self._out / RESULT_FILE).read_text())["curve"]
-            self.get_logger().info(f"goes on from {path}, sweep {self._training.trainer.sweeps_done}")
-        self._thread = threading.Thread(target=self._train_safely, name="training")
+            self.get_logger().info(f"goes on from sweep {self._run.resume()} of {self._out}")
+        self._thread = threading.Thread(target=self._train, args=(self._run,), name="training")
         self._thread.start()
 
     def _make_collector(self) -> Collector | None:
@@ -236,101 +229,22 @@ class Trainer(StackNode):
         assert self._training is not None
         return self._training.policies()
 
-    def _train_safely(self) -> None:
+    def _train(self, training_run: TrainingRun) -> None:
         """Body of the thread: whatever goes wrong reaches the main thread."""
         try:
-            self._train()
+            training_run.run()
         except BaseException as error:  # handed on to the main thread, which raises it
             self._failure = error
 
-    def _train(self) -> None:
-        from torch.utils.tensorboard import SummaryWriter
-
-        training, config = self._training, self.config
-        assert training is not None
-        begun_s = time.monotonic()
-        rehearsals = np.random.default_rng((config.seed, 1))
-        with SummaryWriter(str(self._out / "tensorboard")) as board:
-            if training.trainer.sweeps_done == 0:
-                training.trainer.clone()
-                self._rehearse(training, rehearsals, begun_s, board)
-            self._publish_policies(training)
-            bar = tqdm(
-                total=config.sweeps, initial=training.trainer.sweeps_done, unit="sweep", desc=config.method
-            )
-            with bar:
-                while training.trainer.sweeps_done < config.sweeps and not self._stop.is_set():
-                    self._metrics = training.trainer.sweep()
-                    self._after_sweep(training, rehearsals, begun_s, board)
-                    bar.update()
-                    if self._curve:
-                        bar.set_postfix_str(f"returned {100 * np.mean(self._curve[-1]['returned']):.0f} %")
-            self._save(training, begun_s)
-
-    def _after_sweep(
-        self, training: StrokeTraining, rehearsals: np.random.Generator, begun_s: float, board: Any
-    ) -> None:
-        config, sweep = self.config, training.trainer.sweeps_done
-        for name, value in self._metrics.items():
-            board.add_scalar(f"training/{name}", value, sweep)
-        self._publish_progress(sweep, begun_s)
-        if config.rehearse_every and (sweep % config.rehearse_every == 0 or sweep == config.sweeps):
-            self._rehearse(training, rehearsals, begun_s, board)
-            self._publish_policies(training)
-        wanted = self._checkpoint_wanted.is_set()
-        if wanted or (config.checkpoint_every and sweep % config.checkpoint_every == 0):
-            self._checkpoint_wanted.clear()
-            self._save(training, begun_s)
-
-    def _rehearse(
-        self, training: StrokeTraining, rng: np.random.Generator, begun_s: float, board: Any
-    ) -> None:
-        struck, returned = training.rehearse(self.config.rehearse_balls, rng)
-        sweep = training.trainer.sweeps_done
-        self._curve.append(
-            {
-                "sweep": sweep,
-                "seconds": time.monotonic() - begun_s,
-                "struck": struck.tolist(),
-                "returned": returned.tolist(),
-            }
-        )
-        for label, share in zip(training.labels, returned, strict=True):
-            board.add_scalar(f"returned/{label}", share, sweep)
-
-    def _publish_policies(self, training: StrokeTraining) -> None:
+    def _publish_policies(self, policies: StrokePolicies) -> None:
         # Rollouts over topics publish what they play themselves.
         if self.config.rollouts != "topics":
-            self._policy.publish(bytes_to_message(training.policies().to_bytes()))
+            self._policy.publish(bytes_to_message(policies.to_bytes()))
 
-    def _publish_progress(self, sweep: int, begun_s: float) -> None:
-        passed = time.monotonic() - begun_s
-        left = passed / max(sweep, 1) * (self.config.sweeps - sweep)
-        rates = self._curve[-1] if self._curve else {"returned": [], "struck": []}
-        values: dict[str, object] = {"sweep": sweep, "of": self.config.sweeps, "seconds_left": left}
-        assert self._training is not None
-        for label, share in zip(self._training.labels, rates["returned"], strict=False):
-            values[f"returned_{label}"] = share
-        message = DiagnosticArray(status=[status("trainer", "training", {**values, **self._metrics})])
+    def _publish_progress(self, figures: dict[str, float]) -> None:
+        message = DiagnosticArray(status=[status("trainer", "training", figures)])
         message.header.stamp = self.get_clock().now().to_msg()
         self._progress.publish(message)
-
-    def _save(self, training: StrokeTraining, begun_s: float) -> None:
-        """Write policies, checkpoint and results, each whole or not at all."""
-        save_checkpoint(self._out / CHECKPOINT_FILE, training.trainer, self._metrics)
-        write_atomically(self._out / POLICIES_FILE, training.policies().to_bytes())
-        observations: NDArray[np.float64] = np.stack([e.observations[1:] for e in self._episodes])
-        result = {
-            "labels": [str(label) for label in training.labels],
-            "config": asdict(training.config),
-            "demonstrations": {str(k): n for k, n in self._counts().items()},
-            "seconds": time.monotonic() - begun_s,
-            "sweeps": training.trainer.sweeps_done,
-            "curve": self._curve,
-            "strategy_matrix": training.strategy_matrix(self._episodes).tolist(),
-            "task_reward_of_demonstrations": float(training.rewards_of(observations, 0)[0].mean()),
-        }
-        write_text(self._out / RESULT_FILE, json.dumps(result, indent=1) + "\n")
 
     def _look_after_training(self) -> None:
         """Start when no more demonstrations come; raise what the thread ran into, or finish with it."""
@@ -357,25 +271,20 @@ class Trainer(StackNode):
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._stop.set()
+        if self._run is None:
+            response.success, response.message = False, "training has not begun"
+            return response
+        self._run.stop.set()
         response.success, response.message = True, "training ends after the present sweep and is saved"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._checkpoint_wanted.set()
-        response.success = self._thread is not None
-        response.message = f"a checkpoint follows the present sweep, in {self._out}"
+        if self._run is None:
+            response.success, response.message = False, "training has not begun"
+            return response
+        self._run.checkpoint_wanted.set()
+        response.success, response.message = True, f"a checkpoint follows the present sweep, in {self._out}"
         return response
-
-
-def mean_landing_points(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDArray[np.float64]]:
-    """Where returned balls landed on average, (2,) in m, by label; only where that is known."""
-    points: dict[StrategyLabel, list[tuple[float, float]]] = {}
-    for episode in episodes:
-        if episode.outcome is not None and episode.outcome.returned:
-            point = episode.outcome.landing_x_m, episode.outcome.landing_y_m
-            points.setdefault(episode.label, []).append(point)
-    return {label: np.mean(found, axis=0) for label, found in points.items()}
 
 
 def _prepare_out(out: Path) -> Path:
