@@ -96,7 +96,9 @@ class TrainerConfig:
         choices=("batched", "bullet", "topics"),
     )
     workers: int = parameter(2, "Threads of the batched simulator, or Bullet processes", low=1, high=256)
-    torch_threads: int = parameter(2, "Threads of torch", low=1, high=256)
+    torch_threads: int = parameter(
+        1, "Threads of torch; more only make small networks wait for each other", low=1, high=256
+    )
     rehearse_every: int = parameter(10, "Sweeps between rehearsals (for the curve); 0: none", low=0)
     rehearse_balls: int = parameter(200, "Balls per strategy in a rehearsal", low=1, high=10_000)
     checkpoint_every: int = parameter(25, "Sweeps between checkpoints; 0: only at the end", low=0)
