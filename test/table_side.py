@@ -35,18 +35,26 @@ class SeenTick(NamedTuple):
     label: str
     joints: NDArray[np.float64]
     ball: NDArray[np.float64]
-    ball_stamp_ns: int
 
 
 class TableSide:
-    """Publishers and subscriptions of everybody who is not the simulator."""
+    """Publishers and subscriptions of everybody who is not the simulator.
 
-    def __init__(self, node: Node) -> None:
+    Parameters
+    ----------
+    node
+        Whose they are.
+    answers
+        Whether it answers ticks itself; an executor tolerates nobody beside it.
+    """
+
+    def __init__(self, node: Node, answers: bool = True) -> None:
         self.node = node
         self.states: list[JointState] = []
         self.balls: list[PointStamped] = []
         self.outcomes: list[tuple[StrategyLabel | None, Outcome]] = []
-        self.command = node.create_publisher(JointTrajectory, "joint_command", COMMAND)
+        if answers:
+            self.command = node.create_publisher(JointTrajectory, "joint_command", COMMAND)
         self.strategy = node.create_publisher(Header, "strategy", LATCHED)
         self.feed = node.create_publisher(Odometry, "feed", EVENT)
         node.create_subscription(PointStamped, "ball/position", self.balls.append, STATE)
@@ -96,20 +104,23 @@ class TableSide:
         stack.wait_until(answer_and_look, what)
 
     def rally_ticks(self) -> list[SeenTick]:
-        """The labelled ticks since `clear`, each once."""
+        """The labelled ticks since `clear`, each once; those that showed a new frame of the ball."""
+        points = {stamp_to_ns(ball.header.stamp): ball.point for ball in self.balls}
         ticks: dict[int, SeenTick] = {}
-        # Each tick, also one that is sent again, is a ball sample and then a joint state.
-        for state, ball in zip(self.states, self.balls, strict=False):
-            time_ns, point = stamp_to_ns(state.header.stamp), ball.point
-            if state.header.frame_id:
-                ticks[time_ns] = SeenTick(
-                    time_ns,
-                    state.header.frame_id,
-                    np.array([state.position, state.velocity, state.effort]),
-                    np.array([point.x, point.y, point.z]),
-                    stamp_to_ns(ball.header.stamp),
-                )
+        for state in self.states:
+            time_ns = stamp_to_ns(state.header.stamp)
+            if state.header.frame_id and time_ns in points:
+                point = points[time_ns]
+                joints = np.array([state.position, state.velocity, state.effort])
+                ball = np.array([point.x, point.y, point.z])
+                ticks[time_ns] = SeenTick(time_ns, state.header.frame_id, joints, ball)
         return list(ticks.values())
+
+    @property
+    def rally_over(self) -> bool:
+        """Whether there is an outcome, and its tick has been heard, too: states may come later."""
+        over = bool(self.outcomes and self.states and self.balls) and not self.states[-1].header.frame_id
+        return over and stamp_to_ns(self.balls[-1].header.stamp) >= self.tick_ns
 
     def clear(self) -> None:
         """Forget what was heard."""
