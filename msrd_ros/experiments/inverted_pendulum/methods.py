@@ -84,12 +84,15 @@ class Budget:
         Sweeps, rollouts per strategy and sweep, steps per rollout.
     cloning_steps
         Adam steps of behaviour cloning before.
+    classifier_steps
+        Adam steps of the softmax classifier.
     """
 
     sweeps: int = 60
     episodes: int = 1
     horizon: int = 1000
     cloning_steps: int = 800
+    classifier_steps: int = 2500
 
 
 def configure(method: Method, budget: Budget) -> MSRDConfig:
@@ -122,7 +125,7 @@ def train(
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
         classifier = _fresh_classifier(demonstrations, seed)
-        classifier.fit(DemonstrationPool(demonstrations))
+        classifier.fit(DemonstrationPool(demonstrations), budget.classifier_steps)
         return _from_classifier(classifier, time.perf_counter() - started)
     if method is Method.ORACLE:
         half = demonstrations.observations.shape[2] // 2

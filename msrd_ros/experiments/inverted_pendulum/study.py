@@ -77,7 +77,7 @@ class StudyPlan:
         return cls(
             seeds=1,
             other_truth_seeds=0,
-            budget=Budget(sweeps=12, episodes=1, horizon=1000, cloning_steps=250),
+            budget=Budget(sweeps=8, episodes=1, horizon=1000, cloning_steps=200, classifier_steps=400),
             demonstrations=8,
             test_repeats=1,
             test_clean=2,
@@ -198,7 +198,7 @@ def _run_path(
 
 def _config_of(method: Method, plan: StudyPlan) -> Any:
     if method in (Method.CLASSIFIER, Method.ORACLE):
-        return method.value
+        return [method.value, plan.budget.classifier_steps]
     return [configure(method, plan.budget).to_dict(), plan.budget.horizon]
 
 
