@@ -16,6 +16,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from msrd_ros.facts.translation import stamp_to_ns
 from msrd_ros.nodes.common import STATE
 
 START_TIMEOUT_S = 90.0
@@ -43,6 +44,7 @@ class Stack:
         self.executor = SingleThreadedExecutor(context=self._context)
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, dict[str, str]] = {}
+        self._said_ns: dict[str, int] = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
 
     def __enter__(self) -> Self:
@@ -94,10 +96,10 @@ class Stack:
         return self._call(SetBool, service, SetBool.Request(data=on))
 
     def diagnosed(self, name: str) -> dict[str, str]:
-        """What a node says of itself in the next line of /diagnostics."""
-        self.diagnostics.pop(name, None)
-        found: dict[str, str] = self.wait_until(lambda: self.diagnostics.get(name), f"diagnostics of {name}")
-        return found
+        """What a node says of itself from now on, in /diagnostics."""
+        asked_ns = time.time_ns()
+        self.wait_until(lambda: self._said_ns.get(name, 0) > asked_ns, f"diagnostics of {name}")
+        return self.diagnostics[name]
 
     def _call(self, kind: Any, service: str, request: Any) -> Any:
         client = self.node.create_client(kind, service)
@@ -109,6 +111,7 @@ class Stack:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            self._said_ns[status.name] = stamp_to_ns(message.header.stamp)
             values = {item.key: item.value for item in status.values}
             self.diagnostics[status.name] = {**values, "message": status.message}
 

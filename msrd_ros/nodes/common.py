@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import re
 import signal
 import sys
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -49,6 +51,8 @@ EVENT = _reliable(100)
 STATE = _reliable(1000)
 """joint_states, ball/position, ball/odometry."""
 
+COMPLAINT_PERIOD_S = 1.0
+MOST_COMPLAINTS = 100
 _OWN_PARAMETERS = ("use_sim_time", "start_type_description_service")
 
 
@@ -198,6 +202,7 @@ class StackNode(Node):
     def __init__(self, name: str, config_type: type[Any], **options: Any) -> None:
         super().__init__(name, **options)
         self.config = read_parameters(self, config_type)
+        self._complained_s: dict[str, float] = {}
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady_timer(self, 1.0, self.publish_diagnostics)
 
@@ -211,6 +216,18 @@ class StackNode(Node):
         array = DiagnosticArray(status=[status(self.get_name(), message, values)])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+    def complain(self, error: UserError) -> None:
+        """Log what was refused, at most once a second for each kind of complaint."""
+        # Numbers change from message to message; it is still the same complaint.
+        kind = re.sub(r"\d+\.\d+", "", str(error))
+        now_s = time.monotonic()
+        if now_s - self._complained_s.get(kind, -COMPLAINT_PERIOD_S) < COMPLAINT_PERIOD_S:
+            return
+        if len(self._complained_s) > MOST_COMPLAINTS:
+            self._complained_s.clear()
+        self._complained_s[kind] = now_s
+        self.get_logger().error(str(error))
 
     def on_change(self, names: tuple[str, ...], apply: Callable[[str, Any], None]) -> None:
         """Let `apply` take changes of the named parameters while running; all others are refused."""

@@ -232,7 +232,7 @@ class Executor(StackNode):
 
     def _refuse(self, reason: UserError) -> None:
         self._counts["refused"] += 1
-        self.get_logger().error(str(reason), throttle_duration_sec=1.0)
+        self.complain(reason)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -231,7 +231,7 @@ class Simulator(StackNode):
 
     def _refuse(self, error: UserError) -> None:
         self._counts["refused"] += 1
-        self.get_logger().error(str(error), throttle_duration_sec=1.0)
+        self.complain(error)
 
     # -- services ------------------------------------------------------------------------------
 
