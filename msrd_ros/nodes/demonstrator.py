@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
@@ -100,6 +101,7 @@ class Demonstrator(StackNode):
         self._since_s = time.monotonic()
         self._trial: Trial | None = None
         self._stroke: LedStroke | None = None
+        self._came_from: NDArray[np.float64] | None = None
         self._player: StrokePlayer | None = None
         self._outcome: Outcome | None = None
         self._verdicts: dict[int, tuple[bool, str]] = {}
@@ -166,6 +168,8 @@ class Demonstrator(StackNode):
                 trial.attempt,
             )
         )
+        # The way back to where the last stroke began is free, whatever side comes next.
+        self._came_from = self._stroke.ready_posture if self._stroke is not None else None
         self._stroke = teacher.begin(trial.label, self._stroke_rng)
         # Practice takes its time, above all while compiled code is made for the first time.
         self._enter(Stage.CALLING)
@@ -238,7 +242,7 @@ class Demonstrator(StackNode):
         assert self._stroke is not None
         if self._player is None:
             self._player = StrokePlayer(tick.joint_position)
-            self._player.prepare(None, self._stroke.ready_posture)
+            self._player.prepare(None, self._stroke.ready_posture, by_way_of=self._came_from)
         if self._player.phase is PlayerPhase.READY and not np.abs(tick.joint_velocity).max():
             self._enter(Stage.CALLING)
             self._call_teach(True, self._begin_to_show)
@@ -271,7 +275,7 @@ class Demonstrator(StackNode):
             self._hand.publish(self._last)
 
     def _refuse(self, error: UserError) -> None:
-        self.get_logger().error(str(error), throttle_duration_sec=1.0)
+        self.complain(error)
 
     # -- what comes in -------------------------------------------------------------------------
 

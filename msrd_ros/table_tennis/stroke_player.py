@@ -16,6 +16,8 @@ PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (13,) to an action (7,)."""
 
 READY_TOLERANCE_RAD = 1e-5
+PASSING_TOLERANCE_RAD = 0.05
+"""So near to a pose on the way the arm turns towards the next."""
 
 TRACKING_TOLERANCE_RAD = 0.25
 """A joint further than this from its command has met something."""
@@ -55,6 +57,8 @@ class StrokePlayer:
         self._tracking_tolerance_rad = tracking_tolerance_rad
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = joint_position.copy()
+        self._away = False
+        self._passing: NDArray[np.float64] | None = None
         self._ball = BallTracker()
         self._step = 0
 
@@ -68,8 +72,30 @@ class StrokePlayer:
         """Ticks since the ball was fed."""
         return self._step
 
-    def prepare(self, policy: PolicyFunction | None, ready_pose: NDArray[np.float64]) -> None:
-        """Take the strategy to play next; only between strokes."""
+    def prepare(
+        self,
+        policy: PolicyFunction | None,
+        ready_pose: NDArray[np.float64],
+        by_way_of: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Take the strategy to play next; only between strokes.
+
+        After a stroke the arm goes back to where that began before it goes on: the straight way from the
+        end of a forehand to a backhand's ready pose may lead through the table.
+
+        Parameters
+        ----------
+        policy
+            What to play; None lets balls through.
+        ready_pose
+            Where to wait for the ball, shape (7,), rad.
+        by_way_of
+            A pose (7,) to pass on the way, for an arm whose last stroke someone else led.
+        """
+        if by_way_of is not None:
+            self._passing = np.array(by_way_of, dtype=np.float64)
+        elif self._passing is None and self._away:
+            self._passing = self._ready_pose
         self._policy = policy
         self._ready_pose = np.array(ready_pose, dtype=np.float64)
         self.phase = Phase.READYING
@@ -105,6 +131,7 @@ class StrokePlayer:
         if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
             self.phase, self._step = Phase.STROKE, 0
             self.strokes_begun += 1
+            self._away = True
         if self.phase is Phase.STROKE:
             assert self._policy is not None
             action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
@@ -131,6 +158,12 @@ class StrokePlayer:
         return self.reference
 
     def _move_to_ready(self, period_s: float) -> None:
+        if self._passing is not None:
+            wanted = velocity_towards(self.reference, self._passing, period_s)
+            self.reference = shape_command(self.reference, wanted, period_s)
+            if np.abs(self.reference.position - self._passing).max() < PASSING_TOLERANCE_RAD:
+                self._passing = None
+            return
         wanted = velocity_towards(self.reference, self._ready_pose, period_s)
         reference = shape_command(self.reference, wanted, period_s)
         close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
@@ -138,7 +171,7 @@ class StrokePlayer:
         if close and slow:
             # Land exactly, so that every stroke from this pose starts from the same numbers.
             reference = JointReference(self._ready_pose.copy(), np.zeros(7))
-            self.phase = Phase.READY
+            self.phase, self._away = Phase.READY, False
         self.reference = reference
 
     def _count(self) -> None:
