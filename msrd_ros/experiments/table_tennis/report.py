@@ -39,8 +39,8 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     report.figure(
         figures.training_curves(metrics),
         "Struck and returned balls over training time, mean policies in the batched simulator (rehearsals "
-        "not counted as training), first seed. Zero seconds of reward learning is cloning. The rates in the "
-        "tables are played in Bullet.",
+        "not counted as training), first seed; the first point is cloning. The rates in the tables are played "
+        "in Bullet.",
     )
     _rewards(report, metrics)
     report.heading("Spin")
@@ -169,13 +169,14 @@ def _rates(report: Report, metrics: dict[str, Any]) -> None:
         ratio = misses(methods["msrd"]) / misses(cloned)
         report.paragraph(f"MSRD misses {100 * ratio:.0f} % as many balls as plain behaviour cloning does.")
     report.paragraph(
-        "Cloning with corrective noise stands here because it needs no reward at all: injected joint offsets "
-        "with labels that undo them take away most of what cloning lacks. MSRD, AIRL and AIRL per strategy "
-        "start from that same cloning, so that the difference between their rows and its row is what rewards "
-        "and practice add. What MSRD has and the others have not is the decomposition: one task reward for "
-        "all strokes, which practice on frozen rewards (last row of the main table) can start from. AIRL "
-        "with one reward plays one policy per label on the same reward, for one policy could not know which "
-        "stroke is asked for."
+        "Cloning with corrective noise needs no reward at all: joint offsets are injected, with labels that "
+        "undo them. MSRD, AIRL and AIRL per strategy start from that same cloning, so what rewards and "
+        "practice add is the difference between their rows and its row; where it is small, the return rate "
+        "alone is no case for inverse reinforcement learning. What MSRD has besides is the decomposition: "
+        "one task reward for all strokes, told apart from how each is played, which can train other "
+        "policies (frozen R0 + S_i, from plain cloning, whose own row is its start). AIRL with one reward "
+        "plays one policy per label on the same reward, for one policy could not know which stroke is asked "
+        "for."
     )
 
 
@@ -241,7 +242,9 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
         rows,
         "Return undone: the launch is fitted to what the camera saw before the hit, and the ball flown on as "
         "if untouched, seen with the same noise. MSRD: the task reward; AIRL: its only reward; AIRL per "
-        "strategy: the stroke's own reward. The p is of the least convincing seed.",
+        "strategy: the stroke's own reward. The p is of the least convincing seed. MSRD is trained with "
+        "cross-negatives (other strategies' demonstrations as further negatives), AIRL without; the same "
+        "without and with them stands in the rows of the supplement, where it was run.",
     )
     report.figure(
         figures.matrices({NAMES[name]: m for name, m in methods.items()}, metrics["labels"]),
