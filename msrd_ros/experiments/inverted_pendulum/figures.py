@@ -119,4 +119,7 @@ def _draw_matrix(axis: Axes, values: NDArray[np.float64], name: str) -> None:
         hit = best[row] == row
         axis.plot(best[row], row, "o" if hit else "x", color="white", ms=4, mec="white" if hit else "#ff5a4f")
     axis.set(xlabel="trajectories of strategy", ylabel="reward of strategy")
+    ticks = np.arange(0, count, max(1, count // 5))
+    axis.set_xticks(ticks, [str(tick + 1) for tick in ticks])
+    axis.set_yticks(ticks, [str(tick + 1) for tick in ticks])
     axis.set_title(f"{name}: {int((best == np.arange(count)).sum())} of {count} on the diagonal", fontsize=10)
