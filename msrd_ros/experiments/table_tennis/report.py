@@ -39,8 +39,8 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     report.figure(
         figures.training_curves(metrics),
         "Struck and returned balls over training time, mean policies in the batched simulator (rehearsals "
-        "not counted as training), first seed; the first point is cloning. The rates in the tables are played "
-        "in Bullet.",
+        "not counted as training), first seed; the first point is cloning. The rates in the tables are "
+        "played in Bullet.",
     )
     _rewards(report, metrics)
     report.heading("Spin")
