@@ -1,0 +1,121 @@
+"""How many strokes a second the simulators play, and how much faster than real time that is.
+
+Run from the repository: ``python benchmarks/simulator.py [--episodes 48] [--workers 1 2]``. An episode is one
+ball against a policy of random weights: about two seconds of simulated time, played in Bullet in worker
+processes, in the batched simulator, and over ROS 2 topics in lockstep through executor and simulator.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+# Policies and processes made up for the tests.
+sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test")]
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+from made_up_policies import made_up_policies  # noqa: E402
+from stack import Stack  # noqa: E402
+
+from msrd_ros.experiments.stroke_rollouts import BulletPlayers, StrokeBatch  # noqa: E402
+from msrd_ros.facts.labels import ALL_LABELS  # noqa: E402
+from msrd_ros.nodes.topic_rollouts import TopicCollector  # noqa: E402
+from msrd_ros.table_tennis.kinematic_rallies import (  # noqa: E402
+    KinematicRallies,
+    KinematicRalliesConfig,
+    RallyPlan,
+)
+from msrd_ros.table_tennis.world import WorldConfig  # noqa: E402
+
+DOMAIN_ID = 96
+STROKE_S = 1.96
+"""Simulated seconds from the launch to the outcome of nearly every ball."""
+BATCHED_EPISODES = 200
+
+
+def report(what: str, episodes: int, work: Callable[[], object]) -> None:
+    """Time some episodes, after they have been played once to compile and to connect."""
+    begin = time.perf_counter()
+    work()
+    rate = episodes / (time.perf_counter() - begin)
+    print(f"{what:42s} {rate:9.1f} episodes a second {rate * STROKE_S:9.0f} x real time", flush=True)
+
+
+def batch(episodes: int, seed: int) -> StrokeBatch:
+    """Strokes of all labels in equal parts."""
+    each = max(episodes // len(ALL_LABELS), 1)
+    return StrokeBatch.draw(made_up_policies(), each, "standard", 0.03, 0, np.random.default_rng(seed))
+
+
+def in_bullet(workers: Sequence[int], episodes: int) -> None:
+    """Bullet in worker processes."""
+    for count in workers:
+        players = BulletPlayers(count, WorldConfig())
+        players.play(batch(6, 0))
+        strokes = batch(episodes, 1)
+        name = f"Bullet in process, {count} worker{'s' if count > 1 else ''}"
+        report(name, len(strokes.strokes), lambda p=players, s=strokes: p.play(s))  # type: ignore[misc]
+        players.close()
+
+
+def batched(threads: Sequence[int]) -> None:
+    """The batched simulator, with random actions."""
+    facts = made_up_policies().facts
+    plans = [RallyPlan(label.side, fact.ready_pose) for label, fact in facts.items()]
+    for count in threads:
+        simulator = KinematicRallies(plans, KinematicRalliesConfig(threads=count))
+
+        def play(simulator: KinematicRallies = simulator) -> None:
+            rng = np.random.default_rng(1)
+            simulator.reset(len(plans), BATCHED_EPISODES, rng)
+            for _ in range(simulator.horizon):
+                simulator.step(rng.uniform(-0.3, 0.3, (len(plans), BATCHED_EPISODES, 7)))
+            simulator.results()
+
+        play()
+        name = f"batched simulator, {count} thread{'s' if count > 1 else ''}"
+        report(name, len(plans) * BATCHED_EPISODES, play)
+
+
+def over_topics(episodes: int) -> None:
+    """Lockstep through executor and simulator, each a process."""
+    with tempfile.TemporaryDirectory() as folder, Stack(DOMAIN_ID, folder) as stack:
+        stack.start_simulator(show=False)
+        stack.start("executor")
+        collector = TopicCollector(stack.node, made_up_policies, "standard", 0.03, 120.0)
+
+        def play(strokes: StrokeBatch) -> None:
+            thread = threading.Thread(target=collector.play, args=(strokes,))
+            thread.start()
+            stack.wait_until(lambda: not thread.is_alive(), "rollouts", 600.0)
+
+        play(batch(6, 0))
+        strokes = batch(episodes, 1)
+        # On the way to the ready pose time passes, too; it is not counted as played.
+        report("over topics in lockstep", len(strokes.strokes), lambda: play(strokes))
+
+
+def main() -> int:
+    """Run all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--episodes", type=int, default=48, help="in Bullet and over topics")
+    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2], help="processes, and threads")
+    words = parser.parse_args()
+    print(f"load of the machine at the start: {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
+    in_bullet(words.workers, words.episodes)
+    batched(words.workers)
+    over_topics(words.episodes)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
