@@ -68,8 +68,11 @@ class Budget:
         Sweeps over all strategies, and rollouts per strategy in each.
     plain_sweeps
         Sweeps of those that start from plain cloning, which have further to go.
+    plain_cloning_steps
+        Adam steps of plain cloning. Cloning is a rival here, so it gets what is best for it: with 24
+        demonstrations a label 2000 steps returned 86 % in rehearsals, the recipe's 500 steps 76 %.
     cloning_steps
-        Adam steps of cloning; None keeps the recipe's.
+        Of all cloning, if given.
     rehearse_every, rehearse_balls
         Sweeps between points of the curve, and balls per strategy for each point.
     threads
@@ -79,6 +82,7 @@ class Budget:
     sweeps: int = 40
     plain_sweeps: int = 120
     episodes: int = 200
+    plain_cloning_steps: int = 2000
     cloning_steps: int | None = None
     rehearse_every: int = 10
     rehearse_balls: int = 200
@@ -148,8 +152,10 @@ def make_training(method: Method, data: StudyData, budget: Budget, seed: int) ->
     )
     training = StrokeTraining(data.training, data.landing_points, settings)
     config = _CHANGES.get(method, lambda config: config)(training.trainer.config)
+    steps = budget.plain_cloning_steps if method in PLAIN_START else config.cloning.steps
     if budget.cloning_steps is not None:
-        config = replace(config, cloning=replace(config.cloning, steps=budget.cloning_steps))
+        steps = budget.cloning_steps
+    config = replace(config, cloning=replace(config.cloning, steps=steps))
     if config != training.trainer.config:
         collector = BatchedCollector(training.simulator)
         training.trainer = MSRD(config, training.demonstrations, collector, seed)

@@ -17,6 +17,7 @@ from msrd_ros.bags.episodes import read_episodes
 from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.reader import Bag
 from msrd_ros.experiments.processes import NodeProcess, own_domain
+from msrd_ros.experiments.stroke_training import mean_landing_points
 from msrd_ros.facts.episode import Episode
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
@@ -45,12 +46,7 @@ class StudyData:
     @property
     def landing_points(self) -> dict[StrategyLabel, NDArray[np.float64]]:
         """Where the training strokes landed on average, (2,) in m by label."""
-        points: dict[StrategyLabel, list[tuple[float, float]]] = {}
-        for episode in self.training:
-            if episode.outcome is not None and episode.outcome.returned:
-                point = episode.outcome.landing_x_m, episode.outcome.landing_y_m
-                points.setdefault(episode.label, []).append(point)
-        return {label: np.mean(found, axis=0) for label, found in points.items()}
+        return mean_landing_points(self.training)
 
     @property
     def digest(self) -> str:

@@ -17,7 +17,14 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from msrd_ros.experiments.table_tennis.judging import judge, undone_pairs
-from msrd_ros.experiments.table_tennis.methods import MAIN_METHODS, Budget, Learned, Method, learn
+from msrd_ros.experiments.table_tennis.methods import (
+    MAIN_METHODS,
+    Budget,
+    Learned,
+    Method,
+    learn,
+    make_training,
+)
 from msrd_ros.experiments.table_tennis.playing import (
     Conditions,
     LearnedStrokes,
@@ -131,6 +138,7 @@ class Study:
             record(bags, folder / "logs", plan.subjects, plan.recordings, progress)
         self.data: StudyData = split(load_episodes(bags, progress), plan.held_out)
         self._pairs = undone_pairs(self.data, 0)
+        self._configs: dict[Method, dict[str, Any]] = {}
 
     def run(self) -> dict[str, Any]:
         """Everything; the content of ``metrics.json``."""
@@ -248,8 +256,16 @@ class Study:
 
     def _folder(self, method: Method, seed: int) -> Path:
         """Where a run is kept: a run is taken up only if nothing about it has changed."""
-        key = _key(asdict(self.plan.budget), self.data.digest, method)
+        # Frozen rewards are MSRD's: with them a run depends on both settings.
+        settings = [self._config(method), self._config(Method.MSRD)]
+        key = _key(settings, asdict(self.plan.budget), self.data.digest, method)
         return self._runs / f"{method}-{seed}-{key}"
+
+    def _config(self, method: Method) -> dict[str, Any]:
+        if method not in self._configs:
+            trainer = make_training(method, self.data, self.plan.budget, 0).trainer
+            self._configs[method] = trainer.config.to_dict()
+        return self._configs[method]
 
 
 def _key(*parts: Any) -> str:
