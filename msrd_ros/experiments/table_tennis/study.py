@@ -256,8 +256,9 @@ class Study:
 
     def _folder(self, method: Method, seed: int) -> Path:
         """Where a run is kept: a run is taken up only if nothing about it has changed."""
-        # Frozen rewards are MSRD's: with them a run depends on both settings.
-        settings = [self._config(method), self._config(Method.MSRD)]
+        settings = [self._config(method)]
+        if method is Method.FROZEN_REWARD:
+            settings.append(self._config(Method.MSRD))  # whose rewards they are
         key = _key(settings, asdict(self.plan.budget), self.data.digest, method)
         return self._runs / f"{method}-{seed}-{key}"
 
