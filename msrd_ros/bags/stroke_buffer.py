@@ -11,6 +11,9 @@ from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stro
 from msrd_ros.bags.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
 
 _QUIET_TICKS = 3
+_QUIET_TICKS_SIMULATED = 25
+"""Where the order of sending tells when a stroke is whole, silence is only the last resort: on a starved
+machine messages are under way for longer than a few ticks."""
 _RESET_NS = 500_000_000
 _SIMULATED_NS = 10_000_000_000
 
@@ -71,7 +74,8 @@ class StrokeBuffer:
         """Whether the oldest pending outcome can be cut."""
         if not self._outcomes:
             return False
-        if len(self._outcomes) > 1 or self._quiet_ticks >= _QUIET_TICKS:
+        silence = _QUIET_TICKS_SIMULATED if self._simulated else _QUIET_TICKS
+        if len(self._outcomes) > 1 or self._quiet_ticks >= silence:
             return True
         # A simulator sends all topics itself, so that their order of sending tells; on a starved machine the
         # order of receiving does not.

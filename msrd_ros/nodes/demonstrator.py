@@ -235,7 +235,8 @@ class Demonstrator(StackNode):
     def _act(self, tick: TickInput) -> None:
         if self._stage is Stage.MOVING:
             self._move(tick)
-        elif self._stage is Stage.SHOWING:
+        elif self._stage in (Stage.SHOWING, Stage.JUDGING):
+            # While the recorder judges, time goes on: what follows a stroke tells that it is whole.
             self._show(tick)
 
     def _move(self, tick: TickInput) -> None:
