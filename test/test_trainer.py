@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from processes import RunningProcess
 from stack import Stack
+from std_msgs.msg import UInt8MultiArray
 
 from msrd_ros.facts.labels import ALL_LABELS
 from msrd_ros.learning.stroke_policies import StrokePolicies
+from msrd_ros.nodes.common import EVENT, LATCHED
 
 pytestmark = pytest.mark.processes
 
@@ -33,6 +36,45 @@ def finish(trainer: RunningProcess, out: Path) -> StrokePolicies:
     assert trainer.wait(200.0) == 0, trainer.output
     trainer.wait_for_line(f"policies written to {out / 'policies.safetensors'}")
     return StrokePolicies.load(out / "policies.safetensors")
+
+
+def test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor(
+    stack: Stack, tmp_path: Path
+) -> None:
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    progress: list[DiagnosticArray] = []
+    sent: list[UInt8MultiArray] = []
+    stack.node.create_subscription(DiagnosticArray, "training/progress", progress.append, EVENT)
+    stack.node.create_subscription(UInt8MultiArray, "policy", sent.append, LATCHED)
+    whole_run = stack.start("trainer", **TINY, out=whole, sweeps=SWEEPS)
+    stack.wait_until(lambda: sent and progress, "policies and progress", 200.0, whole_run)
+    expected = finish(whole_run, whole)
+    assert expected.labels == LABELS
+    assert [status.name for status in progress[0].status] == ["trainer"]
+    result = json.loads((whole / "training.json").read_text())
+    assert result["sweeps"] == SWEEPS
+    assert result["demonstrations"] == {str(label): 3 for label in LABELS}
+    assert [row["sweep"] for row in result["curve"]] == list(range(SWEEPS + 1))
+    assert list((whole / "tensorboard").iterdir())
+
+    interrupted = stack.start("trainer", **TINY, out=parts, sweeps=SWEEPS)
+    assert stack.trigger("trainer/checkpoint").success
+    stack.wait_until((parts / "checkpoint.safetensors").exists, "checkpoint", 200.0, interrupted)
+    assert stack.trigger("trainer/stop").success
+    finish(interrupted, parts)
+    done = json.loads((parts / "training.json").read_text())["sweeps"]
+    assert 0 < done < SWEEPS
+
+    executor = stack.start("executor")
+    executor.wait_for_line("ready: lockstep, no policies yet")
+    stack.start_simulator(show=False)
+    resumed = stack.start("trainer", **TINY, out=parts, sweeps=SWEEPS, resume=True)
+    resumed.wait_for_line(f"goes on from sweep {done} of {parts}", 200.0)
+    assert finish(resumed, parts).digest == expected.digest
+    # Published last, while training still ran: the policies that were written.
+    stack.wait_until(
+        lambda: stack.diagnosed("executor")["policies"] == expected.digest, "policies", 60.0, executor
+    )
 
 
 def test_services_checkpoint_and_stop(stack: Stack, tmp_path: Path) -> None:
