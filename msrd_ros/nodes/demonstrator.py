@@ -74,6 +74,10 @@ class DemonstratorConfig:
     )
 
 
+VERDICT_PATIENCE_S = 10.0
+"""A stroke on which the recorder gives no verdict for so long is repeated."""
+
+
 class Stage(Enum):
     """Where the current trial stands."""
 
@@ -309,7 +313,18 @@ class Demonstrator(StackNode):
         self._since_s = time.monotonic()
 
     def _watch(self) -> None:
-        if time.monotonic() - self._since_s < self.config.timeout_s:
+        waited_s = time.monotonic() - self._since_s
+        if (
+            self._stage is Stage.JUDGING
+            and waited_s > VERDICT_PATIENCE_S
+            and self._recorder.services_are_ready()
+        ):
+            # On a busy machine a recorder may not yet have been connected when the ball was decided.
+            self.get_logger().warning("the recorder says nothing about this stroke; it is repeated")
+            self._session.tell(Verdict.ABORTED)
+            self._next_trial()
+            return
+        if waited_s < self.config.timeout_s:
             return
         domain = self.context.get_domain_id()
         if not self._teach.service_is_ready():
