@@ -54,7 +54,7 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
         Observation columns of the ball and of the joint positions.
     """
     return MSRDConfig(
-        sweeps=80,
+        sweeps=120,
         episodes=200,
         discount=0.995,
         gae_decay=0.97,
