@@ -75,7 +75,9 @@ class StrokeBuffer:
         if not self._outcomes:
             return False
         silence = _QUIET_TICKS_SIMULATED if self._simulated else _QUIET_TICKS
-        if len(self._outcomes) > 1 or self._quiet_ticks >= silence:
+        if self._quiet_ticks >= silence:
+            return True
+        if len(self._outcomes) > 1 and not self._simulated:
             return True
         # A simulator sends all topics itself, so that their order of sending tells; on a starved machine the
         # order of receiving does not.
@@ -116,8 +118,14 @@ class StrokeBuffer:
         if self._simulated and stamp_ns < self._stamp_ns - _RESET_NS and not self._outcomes:
             # Simulated time that jumps back begins a new world, or another bag that is being played; a
             # stroke that is decided is whole already, and told from what follows by the order of sending.
-            self.discard()
+            self._forget_before(self._key(arrival))
         self._stamp_ns = stamp_ns
+
+    def _forget_before(self, key_ns: int) -> None:
+        """Drop what was sent earlier; other topics may have run ahead into the new world."""
+        self._remember_strategy(a for a in self._arrivals if self._key(a) < key_ns)
+        self._arrivals = deque(a for a in self._arrivals if self._key(a) >= key_ns)
+        self._feeds = deque(a for a in self._feeds if self._key(a) >= key_ns)
 
     def _remember_strategy(self, arrivals: Iterable[Arrival]) -> None:
         for arrival in arrivals:

@@ -133,7 +133,9 @@ class Demo:
         if config.sweeps is not None:
             parameters["sweeps"] = config.sweeps
         trainer = self._follow(stack, "trainer", parameters)
-        self._start(stack, "player", {"bags": [config.out / "bags"], "rate": 0.0})
+        self._start(
+            stack, "player", {"bags": [config.out / "bags"], "rate": 0.0, "max_messages_per_s": 1500.0}
+        )
         trainer.wait()
 
     def _play(self, stack: ExitStack) -> None:
