@@ -14,22 +14,22 @@ from msrd_ros.bags.episodes import read_episodes
 from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.reader import Bag
 from msrd_ros.experiments.report import Report
+from msrd_ros.experiments.stroke_figures import (
+    SIDE_LINES,
+    SIDE_MARKERS,
+    STROKE_COLOURS,
+    draw_matrix,
+    spin_histograms,
+)
 from msrd_ros.facts.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import Side, StrategyLabel, Stroke
-from msrd_ros.table_tennis.rates import SPIN_CLASS_BORDER_RAD_S
+from msrd_ros.facts.labels import Side, StrategyLabel
 from msrd_ros.table_tennis.render import film_frames, film_strip
 from msrd_ros.table_tennis.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-# Okabe and Ito's colours: told apart by the colour-blind, and different in grey.
-STROKE_COLOURS = {Stroke.PUSH: "#0072B2", Stroke.SLICE: "#E69F00", Stroke.TOPSPIN: "#7a1f5c"}
-SIDE_LINES = {Side.FOREHAND: "-", Side.BACKHAND: "--"}
-SIDE_MARKERS = {Side.FOREHAND: "o", Side.BACKHAND: "^"}
-STROKE_HATCHES = {Stroke.PUSH: "", Stroke.SLICE: "///", Stroke.TOPSPIN: "..."}
 
 FILM_OFFSETS_S = (-0.36, -0.14, -0.04, 0.0, 0.10, 0.32)
 """Frames of a film strip, relative to the hit."""
@@ -75,7 +75,7 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
         "Seen from above, the robot on the left. Every returned ball's first bounce on the far half.",
     )
     report.figure(
-        _spin_histograms(evaluation["labels"], labels),
+        spin_histograms({label: row["spins"] for label, row in evaluation["labels"].items()}, labels),
         "Spin about the horizontal axis across the table just after the hit, returned balls; positive is "
         "topspin. Dotted: the borders between the three spin classes.",
     )
@@ -232,32 +232,6 @@ def _landing_map(rates: dict[str, Any], labels: list[StrategyLabel]) -> Figure:
     return figure
 
 
-def _spin_histograms(rates: dict[str, Any], labels: list[StrategyLabel]) -> Figure:
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(1, 2, figsize=(11, 3.0), sharey=True, sharex=True)
-    bins = np.arange(-200, 201, 10)
-    for axes, side in zip(panels, Side, strict=True):
-        for label in labels:
-            if label.side is side:
-                axes.hist(
-                    rates[str(label)]["spins"],
-                    bins=bins,
-                    color=STROKE_COLOURS[label.stroke],
-                    alpha=0.75,
-                    label=label.stroke.value,
-                    hatch=STROKE_HATCHES[label.stroke],
-                    edgecolor="white",
-                )
-        for border in (-SPIN_CLASS_BORDER_RAD_S, SPIN_CLASS_BORDER_RAD_S):
-            axes.axvline(border, color="#333", linestyle=":", linewidth=1)
-        axes.set_title(side.value)
-        axes.set_xlabel("spin, rad/s")
-        axes.legend(fontsize=8)
-    panels[0].set_ylabel("balls")
-    return figure
-
-
 def _training_curves(training: dict[str, Any], labels: list[StrategyLabel]) -> Figure:
     import matplotlib.pyplot as plt
 
@@ -285,27 +259,13 @@ def _matrix(matrix: NDArray[np.float64], labels: list[StrategyLabel]) -> Figure:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(6.4, 5.0))
-    image = axes.imshow(matrix, cmap="cividis", vmin=0, vmax=1)
+    draw_matrix(axes, matrix, fontsize=8)
     names = [str(label) for label in labels]
     axes.set_xticks(range(len(names)), names, rotation=35, ha="right")
     axes.set_yticks(range(len(names)), names)
     axes.set_xlabel("demonstrations of")
     axes.set_ylabel("reward of")
-    for row in range(len(names)):
-        best = int(matrix[row].argmax())
-        for column in range(len(names)):
-            value = matrix[row, column]
-            axes.text(
-                column,
-                row,
-                f"{value:.2f}",
-                ha="center",
-                va="center",
-                fontsize=8,
-                fontweight="bold" if column == best else "normal",
-                color="white" if value < 0.6 else "black",
-            )
-    figure.colorbar(image, shrink=0.8)
+    figure.colorbar(axes.images[0], shrink=0.8)
     return figure
 
 

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from msrd_ros.experiments.demo_report import SIDE_LINES, STROKE_COLOURS, STROKE_HATCHES
-from msrd_ros.facts.labels import Side, StrategyLabel
-from msrd_ros.table_tennis.rates import SPIN_CLASS_BORDER_RAD_S
+from msrd_ros.experiments.stroke_figures import SIDE_LINES, STROKE_COLOURS, draw_matrix
+from msrd_ros.facts.labels import StrategyLabel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,35 +53,6 @@ def training_curves(metrics: dict[str, Any]) -> Figure:
     return figure
 
 
-def spin_histograms(metrics: dict[str, Any]) -> Figure:
-    """Spin of MSRD's returned balls, one panel a side."""
-    import matplotlib.pyplot as plt
-
-    spins = metrics["methods"]["msrd"]["spins"]
-    figure, panels = plt.subplots(1, 2, figsize=(11, 3.0), sharey=True, sharex=True)
-    bins = np.arange(-200, 201, 10)
-    for axes, side in zip(panels, Side, strict=True):
-        for text in metrics["labels"]:
-            label = StrategyLabel.parse(text)
-            if label.side is side:
-                axes.hist(
-                    spins[text],
-                    bins=bins,
-                    color=STROKE_COLOURS[label.stroke],
-                    alpha=0.75,
-                    label=label.stroke.value,
-                    hatch=STROKE_HATCHES[label.stroke],
-                    edgecolor="white",
-                )
-        for border in (-SPIN_CLASS_BORDER_RAD_S, SPIN_CLASS_BORDER_RAD_S):
-            axes.axvline(border, color="#333", linestyle=":", linewidth=1)
-        axes.set_title(side.value)
-        axes.set_xlabel("spin, rad/s")
-        axes.legend(fontsize=8)
-    panels[0].set_ylabel("balls")
-    return figure
-
-
 def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
     """Strategy matrices of the first seed, of every method that has one."""
     import matplotlib.pyplot as plt
@@ -90,22 +60,9 @@ def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
     shown = {name: np.array(m["matrix"][0]) for name, m in methods.items() if m["matrix"][0] is not None}
     figure, panels = plt.subplots(1, len(shown), figsize=(4.6 * len(shown), 4.4), squeeze=False)
     for axes, (name, matrix) in zip(panels[0], shown.items(), strict=True):
-        axes.imshow(matrix, cmap="cividis", vmin=0, vmax=1)
+        draw_matrix(axes, matrix, fontsize=7)
         axes.set_xticks(range(len(labels)), labels, rotation=40, ha="right", fontsize=7)
         axes.set_yticks(range(len(labels)), labels, fontsize=7)
         axes.set_title(name, fontsize=9)
-        for row in range(len(labels)):
-            for column in range(len(labels)):
-                value = matrix[row, column]
-                axes.text(
-                    column,
-                    row,
-                    f"{value:.2f}",
-                    ha="center",
-                    va="center",
-                    fontsize=7,
-                    fontweight="bold" if column == matrix[row].argmax() else "normal",
-                    color="white" if value < 0.6 else "black",
-                )
     figure.tight_layout()
     return figure

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from msrd_ros.experiments.report import Report
+from msrd_ros.experiments.stroke_figures import spin_histograms
 from msrd_ros.experiments.table_tennis import figures
 from msrd_ros.experiments.table_tennis.results import pooled
+from msrd_ros.facts.labels import StrategyLabel
 
 NAMES = {
     "msrd": "MSRD",
@@ -45,7 +47,9 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     _rewards(report, metrics)
     report.heading("Spin")
     report.figure(
-        figures.spin_histograms(metrics),
+        spin_histograms(
+            metrics["methods"]["msrd"]["spins"], [StrategyLabel.parse(text) for text in metrics["labels"]]
+        ),
         "Spin about the horizontal axis across the table right after the hit, returned balls of MSRD; "
         "positive is topspin. Dotted: borders between the three classes.",
     )
