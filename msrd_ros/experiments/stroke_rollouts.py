@@ -31,8 +31,8 @@ from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.table_tennis.feeder import SPREADS, Feed, Feeder
-from msrd_ros.table_tennis.stroke_player import StrokePlayer
-from msrd_ros.table_tennis.world import World, WorldConfig
+from msrd_ros.table_tennis.stroke_player import PolicyFunction, StrokePlayer
+from msrd_ros.table_tennis.world import Tick, World, WorldConfig
 
 FEED_STREAM = 0xF00D
 
@@ -136,19 +136,50 @@ def play_stroke(
     """
     draws = StrokeDraws.of(seed, stroke.number)
     ready_pose = policies.require(stroke.label).ready_pose + ready_noise_rad * draws.ready
+    policy = policies.play(stroke.label, draws)
+    return play_in_world(world, stroke.label, policy, ready_pose, stroke.feed, ball_number)
+
+
+def camera_sight(tick: Tick) -> tuple[NDArray[np.float64], int]:
+    """The ball as the camera shows it: position (3,) in m, and when it was there in nanoseconds."""
+    return tick.ball_position, tick.ball_stamp_ns
+
+
+def play_in_world(
+    world: World,
+    label: StrategyLabel,
+    policy: PolicyFunction,
+    ready_pose: NDArray[np.float64],
+    feed: Feed,
+    ball_number: int,
+    sight: Callable[[Tick], tuple[NDArray[np.float64], int]] = camera_sight,
+) -> tuple[Episode, Outcome]:
+    """Play one ball from rest in a world of this process, as executor and simulator do over topics.
+
+    Parameters
+    ----------
+    policy
+        From observation (13,) to action (7,).
+    ready_pose
+        Where the joints wait, shape (7,), rad.
+    ball_number
+        How many balls the simulator would have launched before this one.
+    sight
+        How the policy sees the ball; the episode holds what the camera shows.
+    """
     world.rally.reset(ready_pose)
     world.balls = ball_number
-    world.strategy = stroke.label
+    world.strategy = label
     player = StrokePlayer(ready_pose)
-    player.prepare(policies.play(stroke.label, draws), ready_pose)
-    assembler = EpisodeAssembler(stroke.label, source="Bullet")
-    world.feed(stroke.feed)
+    player.prepare(policy, ready_pose)
+    assembler = EpisodeAssembler(label, source="Bullet")
+    world.feed(feed)
     while not world.results:
         tick = world.tick()
         assembler.add_joints(tick.time_ns, tick.joint_position, tick.joint_velocity)
         assembler.add_ball(tick.ball_stamp_ns, tick.ball_position)
-        reference = player.tick(tick.joint_position, tick.ball_position, tick.ball_stamp_ns)
-        world.command(reference.position, reference.velocity, CONTROL_PERIOD_S, stroke.label)
+        reference = player.tick(tick.joint_position, *sight(tick))
+        world.command(reference.position, reference.velocity, CONTROL_PERIOD_S, label)
         world.advance(CONTROL_PERIOD_S)
     return assembler.assemble(), world.results.popleft().outcome
 

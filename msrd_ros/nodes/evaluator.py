@@ -31,11 +31,8 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
-from msrd_ros.table_tennis.feeder import SPREADS, Feeder
+from msrd_ros.table_tennis.feeder import EVALUATION_STREAM, SPREADS, Feeder
 from msrd_ros.table_tennis.rates import LabelRates, format_table
-
-EVALUATION_STREAM = 0x5EED
-"""Mixed into the seed, so that no evaluation ball is ever one that training draws from the same seed."""
 
 
 @dataclass(frozen=True)

@@ -64,6 +64,10 @@ SPREADS: dict[str, FeedSpread] = {"none": NO_SPREAD, "easy": EASY, "standard": S
 """By the name under which parameters know them."""
 
 
+EVALUATION_STREAM = 0x5EED
+"""Mixed into the seed of evaluations, so that none of their balls is one that training draws."""
+
+
 @dataclass(frozen=True)
 class Feeder:
     """Stands beyond the far half and throws towards -x, over the net onto the robot's half.

@@ -11,19 +11,17 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.experiments.stroke_rollouts import camera_sight, play_in_world
 from msrd_ros.experiments.table_tennis.ball_filter import BallFilter
-from msrd_ros.facts.episode import CONTROL_PERIOD_S, FIRST_ACTING_STEP, Episode
+from msrd_ros.facts.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_COUNT
-from msrd_ros.facts.translation import NANOSECONDS, EpisodeAssembler
+from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
-from msrd_ros.table_tennis.feeder import STANDARD, Feed, Feeder, FeedSpread
-from msrd_ros.table_tennis.stroke_player import PolicyFunction, StrokePlayer
-from msrd_ros.table_tennis.world import World, WorldConfig
-
-EVALUATION_STREAM = 0x5EED
-"""Mixed into the seeds of evaluation balls, as the evaluator node does: training never draws from it."""
+from msrd_ros.table_tennis.feeder import EVALUATION_STREAM, STANDARD, Feed, Feeder, FeedSpread
+from msrd_ros.table_tennis.stroke_player import PolicyFunction
+from msrd_ros.table_tennis.world import Tick, World, WorldConfig
 
 REPLAY_GAIN = 6.0
 """Speed fraction per radian with which a replayed motion is followed: what corrective cloning uses, too."""
@@ -134,26 +132,17 @@ def play_ball(
     """Play one ball in a world of this process, as executor and simulator do over topics."""
     policy, pose = repertoire.begin(ball.label, np.random.default_rng(ball.seed))
     ready_pose = pose + conditions.ready_noise_rad * ball.offset
-    world.rally.reset(ready_pose)
-    world.balls = ball.number
-    world.strategy = ball.label
-    player = StrokePlayer(ready_pose)
-    player.prepare(policy, ready_pose)
-    sight = BallFilter(conditions.world.camera.noise_std_m) if conditions.filtered else None
-    assembler = EpisodeAssembler(ball.label, source="Bullet")
-    world.feed(ball.feed)
-    while not world.results:
-        tick = world.tick()
-        assembler.add_joints(tick.time_ns, tick.joint_position, tick.joint_velocity)
-        assembler.add_ball(tick.ball_stamp_ns, tick.ball_position)
-        position, stamp_ns = tick.ball_position, tick.ball_stamp_ns
-        if sight is not None:
-            position, stamp_s = sight.see(tick.time_ns / NANOSECONDS, stamp_ns / NANOSECONDS, position)
-            stamp_ns = round(stamp_s * NANOSECONDS)
-        reference = player.tick(tick.joint_position, position, stamp_ns)
-        world.command(reference.position, reference.velocity, CONTROL_PERIOD_S, ball.label)
-        world.advance(CONTROL_PERIOD_S)
-    return world.results.popleft().outcome, assembler.assemble()
+    sight = camera_sight
+    if conditions.filtered:
+        ball_filter = BallFilter(conditions.world.camera.noise_std_m)
+
+        def sight(tick: Tick) -> tuple[NDArray[np.float64], int]:
+            seen_s = tick.ball_stamp_ns / NANOSECONDS
+            position, stamp_s = ball_filter.see(tick.time_ns / NANOSECONDS, seen_s, tick.ball_position)
+            return position, round(stamp_s * NANOSECONDS)
+
+    episode, outcome = play_in_world(world, ball.label, policy, ready_pose, ball.feed, ball.number, sight)
+    return outcome, episode
 
 
 class LimitsSeen(NamedTuple):
