@@ -25,8 +25,8 @@ from msrd_ros.facts.translation import stamp_to_ns
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import bytes_to_message, command_from_message
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.stroke_player import StrokePlayer
-from msrd_ros.table_tennis.world import HOME_POSTURE_RAD
 
 pytestmark = pytest.mark.processes
 

@@ -22,7 +22,7 @@ from msrd_ros.facts.translation import stamp_to_ns
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import feed_to_message
 from msrd_ros.table_tennis.feeder import Feed, Feeder
-from msrd_ros.table_tennis.world import HOME_POSTURE_RAD
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 
 pytestmark = pytest.mark.processes
 

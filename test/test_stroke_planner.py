@@ -24,6 +24,7 @@ from msrd_ros.table_tennis.kinematic_rallies import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.kinematics import paddle_pose
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.scene import Scene
 from msrd_ros.table_tennis.stroke_planner import lowest_on_way, planned_strokes, write_strokes
@@ -36,7 +37,6 @@ from msrd_ros.table_tennis.stroke_side import (
     wish_for,
 )
 from msrd_ros.table_tennis.study_design import spin_class
-from msrd_ros.table_tennis.world import HOME_POSTURE_RAD
 
 SCENE = Scene().constants()
 SPIN_RANGES = {Stroke.PUSH: (-18.0, 5.0), Stroke.SLICE: (-115.0, -90.0), Stroke.TOPSPIN: (95.0, 125.0)}

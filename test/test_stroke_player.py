@@ -13,9 +13,10 @@ from msrd_ros.facts.labels import ALL_LABELS
 from msrd_ros.facts.motion_limits import ACCELERATION_LIMIT_RAD_S2
 from msrd_ros.facts.sawyer import POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.feeder import STANDARD, Feeder
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.stroke_planner import planned_strokes
 from msrd_ros.table_tennis.stroke_player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
-from msrd_ros.table_tennis.world import HOME_POSTURE_RAD, World, WorldConfig
+from msrd_ros.table_tennis.world import World, WorldConfig
 
 LABEL = ALL_LABELS[2]
 ROUNDING = 1e-9

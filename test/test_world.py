@@ -14,7 +14,8 @@ from msrd_ros.facts.labels import ALL_LABELS, Side
 from msrd_ros.facts.outcome import MissReason
 from msrd_ros.table_tennis.camera import CameraConfig
 from msrd_ros.table_tennis.feeder import STANDARD, Feed, Feeder
-from msrd_ros.table_tennis.world import EPOCH_NS, HOME_POSTURE_RAD, World, WorldConfig
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
+from msrd_ros.table_tennis.world import EPOCH_NS, World, WorldConfig
 
 FOREHAND, BACKHAND = ALL_LABELS[0], ALL_LABELS[3]
 PERIOD_NS = round(CONTROL_PERIOD_S * 1e9)

@@ -118,7 +118,7 @@ class Demonstrator(StackNode):
         self._hand = self.create_publisher(MultiDOFJointTrajectory, "teach/hand", COMMAND)
         self.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
         self.create_subscription(DiagnosticArray, "recorder/verdict", self._on_verdict, EVENT)
-        self._inputs = TickInputs(self, True, self._act, self._repeat, self._refuse)
+        self._inputs = TickInputs(self, True, self._act, self._repeat, self.complain)
         self._teach = self.create_client(SetBool, "simulator/teach")
         self._discard = self.create_client(Trigger, f"{config.recorder or 'recorder'}/discard")
         self._recorder = AsyncParameterClient(self, config.recorder or "recorder")
@@ -162,7 +162,8 @@ class Demonstrator(StackNode):
             self._finish()
             return
         index = self.config.first_subject + trial.subject
-        teacher = self._teachers.setdefault(index, Teacher(index, self.config.seed))
+        if index not in self._teachers:
+            self._teachers[index] = Teacher(index, self.config.seed)
         # Each attempt draws from a stream of its own: what one subject does leaves the others as they are.
         self._stroke_rng = np.random.default_rng(
             (
@@ -174,7 +175,7 @@ class Demonstrator(StackNode):
         )
         # The way back to where the last stroke began is free, whatever side comes next.
         self._came_from = self._stroke.ready_posture if self._stroke is not None else None
-        self._stroke = teacher.begin(trial.label, self._stroke_rng)
+        self._stroke = self._teachers[index].begin(trial.label, self._stroke_rng)
         # Practice takes its time, above all while compiled code is made for the first time.
         self._enter(Stage.CALLING)
         self._strategy.publish(strategy_message(trial.label, self.get_clock().now().to_msg()))
@@ -278,9 +279,6 @@ class Demonstrator(StackNode):
             self._command.publish(self._last)
         elif self._last is not None:
             self._hand.publish(self._last)
-
-    def _refuse(self, error: UserError) -> None:
-        self.complain(error)
 
     # -- what comes in -------------------------------------------------------------------------
 

@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 STEP_S = 0.001
 """Step of Bullet, of the joints' driver and of the ball."""
 
-HOME_POSTURE: Array = np.array([0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161])
-"""Sawyer's published neutral posture, rad."""
-HOME_POSTURE.setflags(write=False)
+HOME_POSTURE_RAD: Array = np.array([0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161])
+"""Sawyer's published neutral posture."""
+HOME_POSTURE_RAD.setflags(write=False)
 
 _REST_POSITION_RAD = 2e-3
 _REST_VELOCITY_RAD_S = 5e-3
@@ -69,7 +69,7 @@ class Robot:
         self._effort: Array = np.zeros(JOINT_COUNT)
         self._total_torque: Array = np.zeros(JOINT_COUNT)
         self.limits = LimitLog()
-        self.reset(HOME_POSTURE)
+        self.reset(HOME_POSTURE_RAD)
 
     @property
     def joint_position(self) -> Array:

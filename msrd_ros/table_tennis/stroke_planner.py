@@ -26,6 +26,7 @@ from msrd_ros.table_tennis.feeder import Feeder
 from msrd_ros.table_tennis.hit_solver import POSITION, RATE, TIME, solve_hit
 from msrd_ros.table_tennis.joint_stroke import JointStroke, stroke_from_rest
 from msrd_ros.table_tennis.kinematics import link_frames, paddle_pose
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.scene import Scene
 from msrd_ros.table_tennis.stroke_side import (
@@ -36,7 +37,6 @@ from msrd_ros.table_tennis.stroke_side import (
     feed_path,
     wish_for,
 )
-from msrd_ros.table_tennis.world import HOME_POSTURE_RAD
 
 Array = NDArray[np.float64]
 

@@ -19,13 +19,11 @@ from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.table_tennis.camera import Camera, CameraConfig
 from msrd_ros.table_tennis.feeder import Feed, Feeder
 from msrd_ros.table_tennis.rally import Rally, RallyConfig
+from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.teaching import HandGesture
 
 EPOCH_NS = NANOSECONDS
 """Simulated time starts at one second: zero means "no time yet" in ROS."""
-
-HOME_POSTURE_RAD = np.array([0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161])
-"""Sawyer's published neutral posture."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from msrd_ros.learning.kl_encouraged import pairwise_divergence
@@ -165,8 +164,3 @@ class PreferenceReward:
         """Reward of every transition, ``[S, K, T]``."""
         states = torch.as_tensor(rollouts.observations[:, :, 1:])
         return extrinsic(states) + self._weight * self._preferences.values(states)
-
-
-def as_states(observations: NDArray[np.floating]) -> Tensor:
-    """Flatten observations ``[..., 4]`` to float32 states ``[N, 4]``."""
-    return torch.as_tensor(np.asarray(observations, dtype=np.float32)).reshape(-1, 4)
