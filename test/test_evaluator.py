@@ -15,13 +15,15 @@ pytestmark = pytest.mark.processes
 
 LABELS = ALL_LABELS[:2]
 LIST = f"[{', '.join(map(str, LABELS))}]"
+PATIENCE_S = 8.0
+"""Long enough to discover whoever is there on a starved machine; waited for in full where nobody is."""
 
 
 def test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named(stack: Stack, tmp_path: Path) -> None:
     simulator = stack.start_simulator(seed=2)
 
     # Before there is an executor, that is what is said.
-    alone = stack.start("evaluator", labels=LIST, balls=1, timeout_s=2.0)
+    alone = stack.start("evaluator", labels=LIST, balls=1, timeout_s=PATIENCE_S)
     line = one_line(alone, "evaluator")
     assert "no executor: nobody publishes joint_command; start one with a checkpoint" in line
 
@@ -29,7 +31,7 @@ def test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named(stack: S
     checkpoint.write_bytes(made_up_policies(LABELS[:1]).to_bytes())
     executor = stack.start("executor", checkpoint=checkpoint)
     executor.wait_for_line("ready: lockstep")
-    lacking = stack.start("evaluator", labels=f"[{LABELS[1]}]", balls=1, timeout_s=3.0)
+    lacking = stack.start("evaluator", labels=f"[{LABELS[1]}]", balls=1, timeout_s=PATIENCE_S)
     line = one_line(lacking, "evaluator")
     assert f"the executor does not take up strategy {LABELS[1]}; check its checkpoint and its log" in line
     executor.wait_for_line(f"no policy for strategy {LABELS[1]}; the checkpoint has {LABELS[0]}")
@@ -54,7 +56,7 @@ def test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named(stack: S
     assert stack.diagnosed("simulator")["limits_exceeded"] == "0"
 
     # A simulator that goes away in the middle is missed.
-    evaluator = stack.start("evaluator", labels=LIST, balls=1000, timeout_s=2.0)
+    evaluator = stack.start("evaluator", labels=LIST, balls=1000, timeout_s=PATIENCE_S)
     stack.wait_until(lambda: int(stack.diagnosed("simulator")["balls"]) > 4, "more balls")
     simulator.kill()
     line = one_line(evaluator, "evaluator")
