@@ -68,7 +68,7 @@ class StrokeTrainingConfig:
     """
 
     method: str = "msrd"
-    sweeps: int = 120
+    sweeps: int = 80
     episodes: int = 200
     seed: int = 0
     spread: str = "standard"
