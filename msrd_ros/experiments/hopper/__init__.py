@@ -1,0 +1,1 @@
+"""The Hopper study: two gaits, one goal."""
