@@ -22,8 +22,9 @@ from msrd_ros.experiments.hopper.environment import (  # noqa: E402
 def test_equal_to_gymnasium_step_by_step() -> None:
     batched = Hopper(60)
     first = batched.reset(1, 3, np.random.default_rng(0))
+    start = np.concatenate([np.zeros((3, 1)), first[0, :, 1:]], axis=1)
     actions = np.random.default_rng(1).uniform(-1.5, 1.5, (60, 3, 3))
-    ours = [first[0]] + [batched.step(action[None])[0] for action in actions]
+    ours = [batched.step(action[None])[0] for action in actions]
     for episode in range(3):
         single = gymnasium.make(
             "Hopper-v5",
@@ -32,13 +33,26 @@ def test_equal_to_gymnasium_step_by_step() -> None:
             ctrl_cost_weight=0.0,
         ).unwrapped
         single.reset(seed=0)
-        state = first[0, episode]
+        state = start[episode]
         single.set_state(state[:6], state[6:])
         for step, action in enumerate(actions[:, episode]):
             seen, reward, *_ = single.step(np.clip(action, -1.0, 1.0))
-            np.testing.assert_allclose(ours[step + 1][episode, 1:], seen, atol=1e-9)
-            speed = task_reward(np.stack([ours[step][episode], ours[step + 1][episode]]))
-            assert speed[0] == pytest.approx(reward, abs=1e-9)
+            np.testing.assert_allclose(ours[step][episode, 1:], seen, atol=1e-9)
+            assert task_reward(ours[step][episode]) == pytest.approx(reward, abs=1e-9)
+
+
+def test_upright_strategies_start_again_after_a_fall() -> None:
+    hopper = Hopper(150, gets_up=(True, False))
+    hopper.reset(2, 3, np.random.default_rng(5))
+    states = np.stack([hopper.step(np.zeros((2, 3, 3))) for _ in range(150)], axis=2)
+    healthy = is_healthy(states)
+    falls = np.argwhere(~healthy[0])
+    assert len(falls) >= 2
+    for episode, step in falls:
+        if step + 1 < 150:
+            assert healthy[0, episode, step + 1]
+            assert states[0, episode, step + 1, 0] == 0.0
+    assert not healthy[1, :, -1].any()
 
 
 def test_goes_on_after_a_fall_for_the_whole_horizon() -> None:
@@ -78,8 +92,8 @@ def test_changed_body_is_heavier_and_slips_more() -> None:
     assert changed.geom_size == pytest.approx(standard.geom_size)
 
 
-def test_distance_is_for_judging_only() -> None:
+def test_true_reward_is_for_judging_only() -> None:
     assert OBSERVATION_NAMES[1:] == FEATURE_NAMES
-    track = np.zeros((5, 12))
-    track[:, 0] = [0.0, 0.008, 0.016, 0.024, 0.032]
-    assert mean_speed(track) == pytest.approx(1.0)
+    track = np.ones((2, 5, 12))
+    track[:, 1:, 0] = [[1.0, 2.0, 3.0, 4.0], [0.0, 0.0, 0.0, 2.0]]
+    assert mean_speed(track).tolist() == [2.5, 0.5]

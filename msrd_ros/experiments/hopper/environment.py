@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from msrd_ros.facts.errors import UserError
 from msrd_ros.learning.layout import Layout
 
-POSITION_NAME = "torso_x"
+SPEED_NAME = "forward_speed"
 FEATURE_NAMES = (
     "torso_z",
     "torso_angle",
@@ -31,8 +31,9 @@ FEATURE_NAMES = (
     "foot_rate",
 )
 """What Gymnasium's Hopper-v5 observes, and all that policies and rewards see."""
-OBSERVATION_NAMES = (POSITION_NAME, *FEATURE_NAMES)
-"""The distance covered goes first, for judging only; no network gets this column."""
+OBSERVATION_NAMES = (SPEED_NAME, *FEATURE_NAMES)
+"""The distance covered in the last step, over its duration, goes first: the true reward, Gymnasium's
+``forward_reward``. It is there for judging only; no network gets this column."""
 ACTION_NAMES = ("thigh_torque", "leg_torque", "foot_torque")
 
 EPISODE_STEPS = 1000
@@ -131,7 +132,7 @@ class Hopper:
         self._shape, self._rng = (strategies, episodes), rng
         self._physics = self._starts(strategies * episodes)
         self._results = np.empty((len(self._physics), FRAME_SKIP, self._physics.shape[1]))
-        return self._observe()
+        return self._observe(np.zeros(len(self._physics)))
 
     def step(self, action: NDArray[np.floating]) -> NDArray[np.float64]:
         """Apply ``action [S, K, 3]``, clipped to [-1, 1] by the motors, for 0.008 s."""
@@ -152,10 +153,12 @@ class Hopper:
             **arguments,
         )
         fallen = self._down() if self._gets_up else None
+        speed = (self._results[:, -1, 1] - self._physics[:, 1]) / CONTROL_PERIOD_S
         self._physics = self._results[:, -1].copy()
         if fallen is not None and fallen.any():
             self._physics[fallen] = self._starts(int(fallen.sum()))
-        return self._observe()
+            speed[fallen] = 0.0
+        return self._observe(speed)
 
     def _starts(self, count: int) -> NDArray[np.float64]:
         width = mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -169,21 +172,21 @@ class Hopper:
         strict = np.repeat(np.array(self._gets_up), self._shape[1])
         return np.asarray(strict & ~is_healthy(self._physics[:, 1:]))
 
-    def _observe(self) -> NDArray[np.float64]:
+    def _observe(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
         seen = self._physics[:, 1:].copy()
+        seen[:, 0] = speed
         seen[:, _COORDINATES:] = seen[:, _COORDINATES:].clip(-_RATE_LIMIT, _RATE_LIMIT)
         return seen.reshape(*self._shape, -1)
 
 
 def task_reward(observations: NDArray[np.floating]) -> NDArray[np.float64]:
-    """True task reward of every step of ``[..., T+1, 12]``: forward speed in m/s, ``[..., T]``."""
-    position = np.asarray(observations[..., 0], dtype=np.float64)
-    return np.diff(position, axis=-1) / CONTROL_PERIOD_S
+    """True task reward of states ``[..., 12]``: forward speed in m/s, ``[...]`` (paper, Section 5.1)."""
+    return np.asarray(observations[..., 0], dtype=np.float64)
 
 
 def mean_speed(observations: NDArray[np.floating]) -> NDArray[np.float64]:
     """Mean forward speed of trajectories ``[..., T+1, 12]`` in m/s, ``[...]``."""
-    return np.asarray(task_reward(observations).mean(axis=-1), dtype=np.float64)
+    return np.asarray(task_reward(observations)[..., 1:].mean(axis=-1), dtype=np.float64)
 
 
 def is_healthy(observations: NDArray[np.floating]) -> NDArray[np.bool_]:
