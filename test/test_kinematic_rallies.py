@@ -150,6 +150,22 @@ def test_observations_are_joints_and_the_ball_as_a_camera_sees_it() -> None:
     np.testing.assert_allclose(second[..., 10:], (second[..., 7:10] - first[..., 7:10]) / CONTROL_PERIOD_S)
 
 
+def test_a_late_camera_shows_where_the_ball_was() -> None:
+    latency_s = 0.015
+    environment = rallies(camera_noise_m=0.0, camera_latency_s=latency_s)
+    environment.reset(2, 300, np.random.default_rng(3))
+    for _ in range(2):
+        seen = environment.step(np.zeros((2, 300, 7)))[..., 7:10]
+    ball = environment.ball
+    # Free flight: the way to the ball over its speed is the age of what is seen.
+    age_s = ((ball[..., :3] - seen) * ball[..., 3:6]).sum(axis=-1) / np.square(ball[..., 3:6]).sum(axis=-1)
+    assert age_s.min() > -1e-4
+    assert age_s.max() < 1.05 * latency_s
+    np.testing.assert_allclose(age_s.mean(), latency_s / 2, rtol=0.1)
+    with pytest.raises(UserError, match=r"camera_latency_s is 0\.1; the batched simulator knows 0 to 0\.02"):
+        rallies(camera_latency_s=0.1)
+
+
 def test_ready_poses_and_feeds_vary_as_asked() -> None:
     environment = rallies(ready_std_rad=0.05, feed_spread=STANDARD)
     environment.reset(2, 500, np.random.default_rng(4))

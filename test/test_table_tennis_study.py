@@ -33,7 +33,7 @@ from msrd_ros.facts.resources import shipped_bags
 from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.nodes import evaluator
 from msrd_ros.table_tennis.ball_path import ball_path
-from msrd_ros.table_tennis.feeder import STANDARD, Feeder
+from msrd_ros.table_tennis.feeder import STANDARD, WIDE, Feeder
 from msrd_ros.table_tennis.scene import Scene
 
 LABELS = [str(label) for label in ALL_LABELS]
@@ -269,6 +269,18 @@ def test_methods_are_what_they_say(data: StudyData, method: Method, form: Reward
     config = make_training(method, data, Budget(), 0).trainer.config
     assert config.reward.form is form
     assert (config.discriminator.cross_weight > 0.0) is cross
-    assert config.cloning.corrections
-    plain = make_training(Method.FROZEN_REWARD, data, Budget(), 0).trainer.config
-    assert not plain.cloning.corrections
+    assert not config.cloning.corrections
+
+
+def test_corrective_start_and_worse_conditions_are_what_they_say(data: StudyData) -> None:
+    corrective = make_training(Method.MSRD_CORRECTIVE_START, data, Budget(), 0).trainer.config
+    assert corrective.cloning.corrections
+    randomised = make_training(Method.MSRD_RANDOMISED, data, Budget(), 0)
+    usual = make_training(Method.MSRD, data, Budget(), 0)
+    assert randomised.trainer.config == usual.trainer.config
+    variation = randomised.simulator.config.variation
+    assert (variation.feed_spread, variation.camera_noise_m, variation.camera_latency_s) == (
+        WIDE,
+        0.003,
+        0.02,
+    )

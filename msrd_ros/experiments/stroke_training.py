@@ -58,8 +58,8 @@ class StrokeTrainingConfig:
         Everything random follows from it.
     spread
         Of the feeds that are trained on.
-    ready_noise_rad, camera_noise_m
-        Of the start posture and of what is seen of the ball, in training.
+    ready_noise_rad, camera_noise_m, camera_latency_s
+        Of the start posture and of what is seen of the ball, in training; the latency is the longest.
     threads
         Of the batched simulator.
     corrective_cloning
@@ -74,6 +74,7 @@ class StrokeTrainingConfig:
     spread: str = "standard"
     ready_noise_rad: float = 0.03
     camera_noise_m: float = 0.001
+    camera_latency_s: float = 0.0
     threads: int = 2
     corrective_cloning: bool = False
 
@@ -180,7 +181,9 @@ class StrokeTraining:
     def _make_simulator(self, seed: int) -> KinematicRallies:
         config = self.config
         plans = [RallyPlan(label.side, facts.ready_pose) for label, facts in self._facts.items()]
-        variation = RallyVariation(SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m)
+        variation = RallyVariation(
+            SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m, config.camera_latency_s
+        )
         return KinematicRallies(plans, KinematicRalliesConfig(variation=variation, threads=config.threads))
 
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:

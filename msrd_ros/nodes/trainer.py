@@ -26,7 +26,7 @@ from msrd_ros.experiments.stroke_training import (
     mean_landing_points,
 )
 from msrd_ros.experiments.training_run import RunConfig, TrainingRun
-from msrd_ros.facts.episode import Episode
+from msrd_ros.facts.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.facts.parameters import parameter
@@ -89,6 +89,13 @@ class TrainerConfig:
         unit="m",
         low=0.0,
         high=0.1,
+    )
+    camera_latency_s: float = parameter(
+        StrokeTrainingConfig.camera_latency_s,
+        "batched: longest delay of the ball's position in training, drawn for each rally",
+        unit="s",
+        low=0.0,
+        high=CONTROL_PERIOD_S,
     )
     rollouts: str = parameter(
         "batched",
@@ -196,6 +203,7 @@ class Trainer(StackNode):
             spread=config.spread,
             ready_noise_rad=config.ready_noise_rad,
             camera_noise_m=config.camera_noise_m,
+            camera_latency_s=config.camera_latency_s,
             threads=config.workers,
             corrective_cloning=config.corrective_cloning,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +54,18 @@ class FeedSpread:
     spin_rad_s: float
     sideways_m: float
 
+    def wider(self, factor: float) -> FeedSpread:
+        """The same, `factor` times as wide in everything."""
+        return FeedSpread(*(factor * width for width in astuple(self)))
+
 
 NO_SPREAD = FeedSpread(0.0, 0.0, 0.0, 0.0, 0.0)
 EASY = FeedSpread(0.015, math.radians(0.75), math.radians(0.75), 10.0, 0.01)
 STANDARD = FeedSpread(0.03, math.radians(1.5), math.radians(1.5), 20.0, 0.02)
 """Twice `EASY`: the level that learning is judged on."""
+WIDE = STANDARD.wider(1.5)
 
-SPREADS: dict[str, FeedSpread] = {"none": NO_SPREAD, "easy": EASY, "standard": STANDARD}
+SPREADS: dict[str, FeedSpread] = {"none": NO_SPREAD, "easy": EASY, "standard": STANDARD, "wide": WIDE}
 """By the name under which parameters know them."""
 
 

@@ -69,11 +69,26 @@ class RallyVariation:
         Standard deviation of each joint of the waiting arm about the ready pose.
     camera_noise_m
         Standard deviation of what is seen of the ball, each axis and tick.
+    camera_latency_s
+        What is seen is up to so old, uniformly, one delay for each rally; at most a control period.
+
+    Raises
+    ------
+    UserError
+        If the latency is longer than a control period.
     """
 
     feed_spread: FeedSpread = STANDARD
     ready_std_rad: float = 0.03
     camera_noise_m: float = 0.001
+    camera_latency_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.camera_latency_s <= CONTROL_PERIOD_S:
+            raise UserError(
+                f"camera_latency_s is {self.camera_latency_s}; the batched simulator knows 0 to "
+                f"{CONTROL_PERIOD_S}"
+            )
 
 
 class RallyResults(NamedTuple):
@@ -169,6 +184,10 @@ class KinematicRallies:
         self._referees = new_referees(count)
         self._rng = rng
         self._tick = 0
+        latency_s = self.config.variation.camera_latency_s
+        # Without latency nothing is drawn, so that seeds keep their rallies.
+        self._lag = rng.uniform(0.0, latency_s, (count, 1)) / CONTROL_PERIOD_S if latency_s else 0.0
+        self._shown = self._balls[:, POSITION].copy()
         self._seen = self._look()
         observation = np.empty(0)
         for _ in range(FIRST_ACTING_STEP):
@@ -264,4 +283,5 @@ class KinematicRallies:
 
     def _look(self) -> Array:
         noise = self._rng.standard_normal((len(self._balls), 3)) * self.config.variation.camera_noise_m
-        return self._balls[:, POSITION] + noise
+        before, self._shown = self._shown, self._balls[:, POSITION].copy()
+        return self._shown + self._lag * (before - self._shown) + noise

@@ -19,12 +19,11 @@ def training_curves(metrics: dict[str, Any]) -> Figure:
 
     names = [
         name
-        for name in ("msrd", "msrd_plain_start", "frozen_reward")
+        for name in ("msrd", "frozen_reward")
         if len(metrics["methods"].get(name, {}).get("curves", [[]])[0]) > 1
     ]
     titles = {
         "msrd": "MSRD",
-        "msrd_plain_start": "MSRD from plain cloning",
         "frozen_reward": "frozen R0 + S_i",
     }
     figure, panels = plt.subplots(

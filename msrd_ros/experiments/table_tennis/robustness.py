@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from msrd_ros.experiments.table_tennis.playing import Conditions
 from msrd_ros.table_tennis.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.camera import CameraConfig
-from msrd_ros.table_tennis.feeder import STANDARD, FeedSpread
+from msrd_ros.table_tennis.feeder import STANDARD, WIDE
 from msrd_ros.table_tennis.rally_config import RallyConfig
 from msrd_ros.table_tennis.world import WorldConfig
 
 NOMINAL = "as trained"
-
-
-def wider(factor: float) -> FeedSpread:
-    """The standard spread, `factor` times as wide."""
-    return FeedSpread(**{field.name: factor * getattr(STANDARD, field.name) for field in fields(FeedSpread)})
 
 
 def robustness_conditions() -> dict[str, Conditions]:
@@ -41,6 +36,6 @@ def robustness_conditions() -> dict[str, Conditions]:
     }
     for name, arm in arms.items():
         found[name] = Conditions(WorldConfig(rally=RallyConfig(arm=arm)))
-    found["feeds 1.5 times as wide"] = Conditions(spread=wider(1.5))
-    found["feeds twice as wide"] = Conditions(spread=wider(2.0))
+    found["feeds 1.5 times as wide"] = Conditions(spread=WIDE)
+    found["feeds twice as wide"] = Conditions(spread=STANDARD.wider(2.0))
     return found

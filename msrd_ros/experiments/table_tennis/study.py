@@ -7,6 +7,7 @@ Seeds are kept apart: training k draws from seed 1000 + k, its evaluation balls 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -83,8 +84,9 @@ class StudyPlan:
     robustness_balls: int = 50
     methods: tuple[Method, ...] = MAIN_METHODS
     supplement: tuple[Method, ...] = (
+        Method.MSRD_RANDOMISED,
+        Method.MSRD_CORRECTIVE_START,
         Method.MSRD_AS_PRINTED,
-        Method.MSRD_PLAIN_START,
         Method.AIRL_EACH_CROSS,
     )
     conditions: tuple[str, ...] | None = None
@@ -99,7 +101,6 @@ class StudyPlan:
             held_out=1,
             budget=Budget(
                 sweeps=2,
-                plain_sweeps=2,
                 episodes=40,
                 cloning_steps=400,
                 rehearse_every=2,
@@ -148,7 +149,10 @@ class Study:
             for seed in range(plan.seeds):
                 for method in plan.methods:
                     rows.setdefault(method, []).append(self._row(method, seed, table))
-            robustness = self._robustness(table)
+            robustness = self._robustness(Method.MSRD, range(plan.seeds), table)
+            randomised: dict[str, list[dict[str, Any]]] = {}
+            if Method.MSRD_RANDOMISED in plan.supplement:
+                randomised = self._robustness(Method.MSRD_RANDOMISED, range(1), table)
             for method in plan.supplement:
                 rows.setdefault(method, []).append(self._row(method, 0, table))
         labels = [str(label) for label in ALL_LABELS]
@@ -164,6 +168,7 @@ class Study:
             "labels": labels,
             "methods": methods,
             "robustness": robustness_metrics(robustness, labels),
+            "robustness_randomised": robustness_metrics(randomised, labels),
             "subjects": {
                 name: sorted({episode.subject for episode in part})
                 for name, part in (("training", self.data.training), ("held_out", self.data.held_out))
@@ -196,19 +201,21 @@ class Study:
             write_atomically(path, json.dumps(report).encode())
         return result | json.loads(path.read_text())
 
-    def _robustness(self, table: Table) -> dict[str, list[dict[str, Any]]]:
-        """MSRD's policies under every condition, by name and seed."""
+    def _robustness(
+        self, method: Method, seeds: Sequence[int], table: Table
+    ) -> dict[str, list[dict[str, Any]]]:
+        """A method's policies under every condition, by name and seed."""
         plan = self.plan
         conditions = robustness_conditions()
         names = plan.conditions or tuple(conditions)
         rows: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
-        for seed in range(plan.seeds):
-            learned = self._learned(Method.MSRD, seed)
+        for seed in seeds:
+            learned = self._learned(method, seed)
             for name in names:
                 words = "".join(c if c.isalnum() else "_" for c in name)
-                path = self._folder(Method.MSRD, seed) / f"robust-{plan.robustness_balls}-{words}.json"
+                path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{words}.json"
                 if not path.exists():
-                    self._progress(f"robustness, seed {seed}: {name}")
+                    self._progress(f"robustness of {method}, seed {seed}: {name}")
                     balls = plan.robustness_balls
                     played = self._play(
                         table,
@@ -264,8 +271,8 @@ class Study:
 
     def _config(self, method: Method) -> dict[str, Any]:
         if method not in self._configs:
-            trainer = make_training(method, self.data, self.plan.budget, 0).trainer
-            self._configs[method] = trainer.config.to_dict()
+            training = make_training(method, self.data, self.plan.budget, 0)
+            self._configs[method] = {**training.trainer.config.to_dict(), "training": asdict(training.config)}
         return self._configs[method]
 
 
