@@ -75,6 +75,7 @@ def test_same_seed_same_numbers_other_seed_other_numbers() -> None:
         {"penalty": Penalty.NORM, "penalty_weight": None},
         {"task_update": TaskUpdate.SEQUENTIAL},
         {"cross_weight": 0.3, "penalise_all": True, "gradient_penalty": 0.1},
+        {"task_gradient_penalty": 0.1},
         {"cross_weight": 0.3, "cross_reaches_task": False, "cross_demonstrations": 1.0},
         {"uses_density": False, "demonstrations_per_sweep": 2},
         {"centre_density": True, "first_steps": 4},
@@ -85,6 +86,17 @@ def test_options_of_the_discriminator(changes: dict) -> None:
     plain = run(BASE)
     other = run(replace(BASE, discriminator=replace(BASE.discriminator, **changes)))
     assert not torch.equal(plain.rewards.task_network.flat(), other.rewards.task_network.flat())
+
+
+def test_slope_penalty_of_the_task_reward_flattens_it_alone() -> None:
+    def slope(weight: float) -> float:
+        config = replace(BASE, discriminator=replace(BASE.discriminator, task_gradient_penalty=weight))
+        states = torch.randn(1, 200, 2, generator=torch.Generator().manual_seed(0)).requires_grad_(True)
+        model = run(config, sweeps=20).rewards
+        (gradient,) = torch.autograd.grad(model.task_network(states).sum(), states)
+        return float(gradient.square().mean())
+
+    assert slope(10.0) < 0.5 * slope(0.0)
 
 
 @pytest.mark.parametrize("form", list(RewardForm))
@@ -114,7 +126,8 @@ def test_presets_are_consistent() -> None:
     config = inverted_pendulum()
     assert config.discriminator.cross_weight > 0.0
     printed = as_printed(config).discriminator
-    assert (printed.cross_weight, printed.gradient_penalty, printed.penalise_all) == (0.0, 0.0, False)
+    assert (printed.cross_weight, printed.penalise_all) == (0.0, False)
+    assert (printed.gradient_penalty, printed.task_gradient_penalty) == (0.0, 0.0)
     strokes = table_tennis(("position",), ("speed",))
     strokes = replace(strokes, sweeps=1, episodes=3, cloning=replace(strokes.cloning, steps=10))
     run(strokes, sweeps=1, clone=True)

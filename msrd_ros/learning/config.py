@@ -131,8 +131,8 @@ class DiscriminatorConfig:
         are demonstrations rather than generator samples.
     cross_reaches_task
         Whether their gradient also flows into R0.
-    gradient_penalty
-        Weight of |grad S_i|^2.
+    gradient_penalty, task_gradient_penalty
+        Weights of |grad S_i|^2 and |grad R0|^2.
     task_update
         When R0 is stepped.
     uses_density
@@ -161,6 +161,7 @@ class DiscriminatorConfig:
     cross_demonstrations: float = 0.5
     cross_reaches_task: bool = True
     gradient_penalty: float = 0.0
+    task_gradient_penalty: float = 0.0
     task_update: TaskUpdate = TaskUpdate.SUMMED
     uses_density: bool = True
     centre_density: bool = False

@@ -43,6 +43,37 @@ def inverted_pendulum() -> MSRDConfig:
     )
 
 
+def hopper(feature_names: tuple[str, ...], feature_scales: tuple[float, ...]) -> MSRDConfig:
+    """Hopper, hop and crawl: as the pendulum, with wider policies.
+
+    Parameters
+    ----------
+    feature_names, feature_scales
+        Observation columns that networks see, and the size at which they move.
+    """
+    features = FeatureConfig(names=feature_names, scales=feature_scales)
+    return MSRDConfig(
+        sweeps=60,
+        episodes=1,
+        policy_reward=PolicyReward.LOGIT,
+        reward=RewardConfig(task_features=features, strategy_features=features),
+        discriminator=DiscriminatorConfig(
+            batch=256,
+            learning_rate=4e-3,
+            penalty_weight=0.01,
+            penalise_all=True,
+            cross_batch=256,
+            cross_weight=0.3,
+            gradient_penalty=0.01,
+        ),
+        replay=ReplayConfig(keep=512, replay_share=0.25, snapshot_share=0.25),
+        policy=PolicyConfig(hidden=(64, 64), std=0.15, std_max=0.2, features=features),
+        trust_region=TrustRegionConfig(kl=0.01),
+        value=ValueConfig(hidden=(64, 64), steps=10, sees_time=False, bootstrap=True),
+        cloning=CloningConfig(steps=800, batch=128, snapshots=(0, 20, 40, 80, 160, 320)),
+    )
+
+
 def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> MSRDConfig:
     """Table tennis strokes: R0 sees the ball, S_i the ball and the joints; the arm holds after the stroke.
 
@@ -119,5 +150,11 @@ def with_corrections(
 
 def as_printed(config: MSRDConfig) -> MSRDConfig:
     """The same run with the paper's loss and nothing added to it."""
-    discriminator = replace(config.discriminator, cross_weight=0.0, gradient_penalty=0.0, penalise_all=False)
+    discriminator = replace(
+        config.discriminator,
+        cross_weight=0.0,
+        gradient_penalty=0.0,
+        task_gradient_penalty=0.0,
+        penalise_all=False,
+    )
     return replace(config, discriminator=discriminator)

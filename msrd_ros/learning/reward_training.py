@@ -173,11 +173,12 @@ class RewardTraining:
         config, rewards = self._config, self._rewards
         size = positive.packed.shape[1]
         together = Transitions.join([positive, negative] + ([others] if others is not None else []))
-        strategy_inputs = rewards.strategy_inputs(together)
-        needs_slope = config.gradient_penalty > 0.0 and rewards.form is not RewardForm.TASK_ONLY
-        if needs_slope:
-            strategy_inputs.requires_grad_(True)
-        values = rewards.compose(rewards.task_inputs(together), strategy_inputs)
+        task_inputs, strategy_inputs = rewards.task_inputs(together), rewards.strategy_inputs(together)
+        own_slope = config.gradient_penalty > 0.0 and rewards.form is not RewardForm.TASK_ONLY
+        task_slope = config.task_gradient_penalty > 0.0 and rewards.form is not RewardForm.STRATEGY_ONLY
+        task_inputs.requires_grad_(task_slope)
+        strategy_inputs.requires_grad_(own_slope)
+        values = rewards.compose(task_inputs, strategy_inputs)
         combined = values.combined + rewards.shaping(together)
         logit = discriminator_logit(combined, together.log_prob)
         demonstrated, generated = logit[:, :size], logit[:, size : 2 * size]
@@ -192,8 +193,10 @@ class RewardTraining:
                 task = values.task[:, 2 * size :]
                 other = other - task + task.detach()
             loss = loss + config.cross_weight * cross_negative_loss(other)
-        if needs_slope:
+        if own_slope:
             loss = loss + config.gradient_penalty * gradient_penalty(values.strategy, strategy_inputs)
+        if task_slope:
+            loss = loss + config.task_gradient_penalty * gradient_penalty(values.task, task_inputs)
         if not with_report:
             return loss, {}
         report = {
