@@ -20,14 +20,14 @@ import numpy as np
 import torch
 
 from msrd_ros.experiments.inverted_pendulum.demonstrators import Kind, cached_demonstrators
-from msrd_ros.experiments.inverted_pendulum.environment import task_reward
-from msrd_ros.experiments.inverted_pendulum.evaluation import (
+from msrd_ros.experiments.inverted_pendulum.study import PENDULUM
+from msrd_ros.experiments.virtual_studies.evaluation import (
     correlation,
     make_test_set,
     mean_over,
     normalised,
 )
-from msrd_ros.experiments.inverted_pendulum.methods import Budget, Method, from_rewards, make_trainer
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method, from_rewards, make_trainer
 
 LEVELS = (0.9, 0.95)
 
@@ -58,11 +58,11 @@ def main() -> None:
     torch.set_num_threads(1)
     demonstrators = cached_demonstrators(Kind.DIAYN)
     data = demonstrators.demonstrate(20, seed=9400)
-    test = make_test_set(demonstrators, 9401)
-    truth = normalised(task_reward(test.noisy[:, :, 1:]).mean(axis=2))
+    test = make_test_set(PENDULUM, demonstrators, 9401)
+    truth = normalised(test.task_truth)
     budget = Budget()
     for method in (Method.AIRL, Method.MSRD):
-        trainer = make_trainer(method, data, budget, 9402)
+        trainer = make_trainer(PENDULUM, method, data, budget, 9402)
         times, steps, correlations = [], [], []
         started = time.perf_counter()
         paused = 0.0
@@ -71,7 +71,7 @@ def main() -> None:
             trainer.sweep()
             if trainer.sweeps_done % options.every == 0 or trainer.environment_steps >= options.steps:
                 now = time.perf_counter()
-                estimate = from_rewards(trainer.averaged_rewards, method, 0.0, 0)
+                estimate = from_rewards(PENDULUM, trainer.averaged_rewards, method, 0.0, 0)
                 assert estimate.task is not None
                 correlations.append(correlation(normalised(mean_over(estimate.task, test.noisy)), truth))
                 times.append(now - started - paused)

@@ -17,16 +17,12 @@ from msrd_ros.experiments.inverted_pendulum.demonstrators import (
     save_demonstrators,
 )
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
-from msrd_ros.experiments.inverted_pendulum.evaluation import (
-    correlation,
-    evaluate,
-    make_test_set,
-    normalised,
-)
-from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Method
-from msrd_ros.experiments.inverted_pendulum.statistics import diagonal_test, paired_test
+from msrd_ros.experiments.inverted_pendulum.study import PENDULUM
 from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.experiments.reproduce import main
+from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
+from msrd_ros.experiments.virtual_studies.methods import Estimate, Method
+from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
 
 KINDS = [Kind.DIAYN, Kind.KNOWN_PREFERENCE]
@@ -132,7 +128,7 @@ def test_damaged_demonstrators_are_refused(tmp_path: Path) -> None:
 
 def test_the_truth_itself_gets_full_marks() -> None:
     demonstrators = cached_demonstrators(Kind.DIAYN)
-    test = make_test_set(demonstrators, seed=55, repeats=1, clean=2)
+    test = make_test_set(PENDULUM, demonstrators, seed=55, repeats=1, clean=2)
     truth = Estimate(
         lambda states: -states[:, 1].abs(),
         demonstrators.truth.table,
@@ -145,6 +141,7 @@ def test_the_truth_itself_gets_full_marks() -> None:
     assert scores.task_r == pytest.approx(1.0, abs=1e-5)
     assert scores.task_r_pooled == pytest.approx(1.0, abs=1e-5)
     assert scores.task_r_unfallen == pytest.approx(1.0, abs=1e-4)
+    assert scores.task_r_unfallen_pooled == pytest.approx(1.0, abs=1e-4)
     assert scores.strategy_r == pytest.approx([1.0] * 20, abs=1e-5)
     assert scores.diagonal is not None
     assert scores.diagonal >= 19

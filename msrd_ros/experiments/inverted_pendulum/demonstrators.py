@@ -31,10 +31,10 @@ from msrd_ros.experiments.inverted_pendulum.truths import (
     KnownPreferences,
     PosteriorTruth,
     PreferenceReward,
-    StrategyTruth,
     extrinsic,
     pendulum_features,
 )
+from msrd_ros.experiments.virtual_studies.task import StrategyTruth
 from msrd_ros.facts.errors import UserError
 from msrd_ros.learning.checkpoints import write_atomically
 from msrd_ros.learning.diayn import DiaynReward

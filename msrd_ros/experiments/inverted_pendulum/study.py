@@ -1,34 +1,38 @@
-"""The inverted pendulum study from start to end, resumable: every run leaves a file that is not run again.
-
-Seeds are kept apart: demonstrations, training, and test trajectories of repetition k are drawn from seeds
-2000 + k, 1000 + k and 3000 + k; everything tuned was tuned on seeds from 9000 on.
-"""
+"""The inverted pendulum study from start to end, resumable; see `virtual_studies.runs` for the seeds."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import torch
-from safetensors.torch import load as load_tensors
-from safetensors.torch import save as save_tensors
+import numpy as np
+from numpy.typing import NDArray
 
-from msrd_ros.experiments.inverted_pendulum.demonstrators import (
-    Demonstrators,
-    Kind,
-    cached_demonstrators,
+from msrd_ros.experiments.inverted_pendulum.demonstrators import Kind, cached_demonstrators
+from msrd_ros.experiments.inverted_pendulum.environment import (
+    ACTION_NAMES,
+    EPISODE_STEPS,
+    OBSERVATION_NAMES,
+    InvertedPendulum,
+    has_fallen,
+    task_reward,
 )
-from msrd_ros.experiments.inverted_pendulum.evaluation import evaluate, make_test_set
-from msrd_ros.experiments.inverted_pendulum.methods import Budget, Estimate, Method, configure, restore, train
-from msrd_ros.experiments.inverted_pendulum.statistics import summarise
+from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.transfer import TransferPlan, run_transfer
+from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method
+from msrd_ros.experiments.virtual_studies.runs import Runs, digest
+from msrd_ros.experiments.virtual_studies.task import VirtualTask
 from msrd_ros.learning.checkpoints import write_atomically
+from msrd_ros.learning.presets import inverted_pendulum
+from msrd_ros.learning.rollouts import BatchedCollector, Collector
 
-TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 1000, 2000, 3000
+NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
+"""Probabilities of replacing an action by a random one; beyond them every trajectory is the same fall."""
+
 NON_CIRCULAR_METHODS = (
     Method.MSRD,
     Method.MSRD_AS_PRINTED,
@@ -37,6 +41,28 @@ NON_CIRCULAR_METHODS = (
     Method.AIRL_EACH_CROSS,
     Method.CLASSIFIER,
     Method.ORACLE,
+)
+
+
+def make_collector(horizon: int, random_actions: float | NDArray[np.float64] = 0.0) -> Collector:
+    """Compiled rollouts, or batched ones where actions are to be disturbed."""
+    if np.any(random_actions):
+        return BatchedCollector(InvertedPendulum(horizon, random_actions=random_actions))
+    return PendulumCollector(horizon)
+
+
+PENDULUM = VirtualTask(
+    name="inverted_pendulum",
+    observation_width=len(OBSERVATION_NAMES),
+    action_width=len(ACTION_NAMES),
+    features=pendulum_features(),
+    preset=inverted_pendulum,
+    make_collector=make_collector,
+    horizon=EPISODE_STEPS,
+    task_reward=task_reward,
+    has_fallen=has_fallen,
+    noise_levels=NOISE_LEVELS,
+    telling_column=OBSERVATION_NAMES.index("cart_position"),
 )
 
 
@@ -85,6 +111,20 @@ class StudyPlan:
             kinds=(Kind.DIAYN,),
         )
 
+    def runs(self, kind: Kind, folder: Path, progress: Callable[[str], None] = lambda line: None) -> Runs:
+        """The runs on one set of demonstrators, kept in `folder`."""
+        return Runs(
+            PENDULUM,
+            cached_demonstrators(kind),
+            kind.value,
+            self.budget,
+            self.demonstrations,
+            self.test_repeats,
+            self.test_clean,
+            folder,
+            progress,
+        )
+
 
 def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:
     """Everything; returns the content of ``metrics.json``.
@@ -94,114 +134,35 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
     """
-    populations: dict[str, Any] = {}
-    for kind in plan.kinds:
-        demonstrators = cached_demonstrators(kind)
-        main = kind is plan.kinds[0]
-        repetitions = plan.seeds if main else plan.other_truth_seeds
-        methods = tuple(Method) if main else NON_CIRCULAR_METHODS
-        scores: dict[str, dict[str, list[Any]]] = {}
-        for repetition in range(repetitions):
-            for method, result in _repetition(plan, demonstrators, methods, repetition, folder, progress):
-                row = scores.setdefault(method.value, {})
-                for name, value in result.items():
-                    row.setdefault(name, []).append(value)
-        populations[kind.value] = {
-            "seeds": list(range(repetitions)),
-            "demonstrators": demonstrators.report | {"recipe": asdict(demonstrators.recipe)},
-            "methods": scores,
-            "tests": summarise(scores),
-        }
-    first = populations[plan.kinds[0].value]
+    main, *others = plan.kinds
+    found = plan.runs(main, folder, progress).compare(tuple(Method), plan.seeds)
+    other_truths = {
+        kind.value: plan.runs(kind, folder, progress).compare(NON_CIRCULAR_METHODS, plan.other_truth_seeds)
+        for kind in others
+    }
     transfer = {}
     if plan.transfer is not None:
-        demonstrators = cached_demonstrators(plan.kinds[0])
-        estimates = {
-            method: _run(plan, demonstrators, method, 0, folder, progress)
-            for method in (Method.MSRD, Method.AIRL_EACH_CROSS, Method.CLASSIFIER)
-        }
-        key = _key("transfer", asdict(plan.transfer), [_config_of(method, plan) for method in estimates])
-        path = folder / f"transfer-{key}.json"
-        if path.exists():
-            transfer = json.loads(path.read_text())
-        else:
-            transfer = run_transfer(plan.transfer, demonstrators, estimates, progress)
-            write_atomically(path, json.dumps(transfer).encode())
+        transfer = _transfer(plan.transfer, plan.runs(main, folder, progress))
     return {
-        "study": "inverted_pendulum",
-        "seeds": first["seeds"],
-        "methods": first["methods"],
-        "tests": first["tests"],
+        "study": PENDULUM.name,
+        "seeds": found["seeds"],
+        "methods": found["methods"],
+        "tests": found["tests"],
         "transfer": transfer,
-        "demonstrators": first["demonstrators"],
-        "other_truths": {name: value for name, value in populations.items() if name != plan.kinds[0].value},
+        "demonstrators": found["demonstrators"],
+        "other_truths": other_truths,
         "plan": asdict(plan),
     }
 
 
-def _repetition(
-    plan: StudyPlan,
-    demonstrators: Demonstrators,
-    methods: tuple[Method, ...],
-    repetition: int,
-    folder: Path,
-    progress: Callable[[str], None],
-) -> list[tuple[Method, dict[str, Any]]]:
-    """All methods on one repetition's demonstrations and test trajectories."""
-    test = make_test_set(demonstrators, TEST_SEED + repetition, plan.test_repeats, plan.test_clean)
-    results = []
-    for method in methods:
-        estimate = _run(plan, demonstrators, method, repetition, folder, progress)
-        result = asdict(evaluate(estimate, test))
-        result |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
-        result["fallen_share"] = float(test.fallen.mean())
-        results.append((method, result))
-    return results
-
-
-def _run(
-    plan: StudyPlan,
-    demonstrators: Demonstrators,
-    method: Method,
-    repetition: int,
-    folder: Path,
-    progress: Callable[[str], None],
-) -> Estimate:
-    """Train `method`, or take the run that is already there."""
-    path = _run_path(plan, demonstrators, method, repetition, folder)
+def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
+    """Fresh policies on the first repetition's rewards, or what is already known of them."""
+    methods = (Method.MSRD, Method.AIRL_EACH_CROSS, Method.CLASSIFIER)
+    key = digest("transfer", asdict(plan), [runs.settings(method) for method in methods])
+    path = runs.folder / f"transfer-{key}.json"
     if path.exists():
-        return restored(plan, demonstrators, method, repetition, folder)
-    progress(f"{demonstrators.recipe.kind}: {method.value}, seed {repetition}")
-    data = demonstrators.demonstrate(plan.demonstrations, DEMONSTRATION_SEED + repetition)
-    estimate = train(method, data, plan.budget, TRAINING_SEED + repetition, progress)
-    write_atomically(path, save_tensors(estimate.tensors()))
-    return estimate
-
-
-def restored(
-    plan: StudyPlan, demonstrators: Demonstrators, method: Method, repetition: int, folder: Path
-) -> Estimate:
-    """A run that was made before."""
-    data = demonstrators.demonstrate(plan.demonstrations, DEMONSTRATION_SEED + repetition)
-    path = _run_path(plan, demonstrators, method, repetition, folder)
-    return restore(load_tensors(path.read_bytes()), method, data, plan.budget)
-
-
-def _run_path(
-    plan: StudyPlan, demonstrators: Demonstrators, method: Method, repetition: int, folder: Path
-) -> Path:
-    kind = demonstrators.recipe.kind.value
-    recipe = asdict(demonstrators.recipe)
-    key = _key(kind, _config_of(method, plan), recipe, plan.demonstrations, repetition)
-    return folder / f"{kind}-{method.value}-{repetition}-{key}.safetensors"
-
-
-def _config_of(method: Method, plan: StudyPlan) -> Any:
-    if method in (Method.CLASSIFIER, Method.ORACLE):
-        return [method.value, plan.budget.classifier_steps]
-    return [configure(method, plan.budget).to_dict(), plan.budget.horizon]
-
-
-def _key(*parts: Any) -> str:
-    """Short digest of settings: a run is taken up only if nothing about it has changed."""
-    return sha256(json.dumps([*parts, torch.__version__]).encode()).hexdigest()[:12]
+        return dict(json.loads(path.read_text()))
+    estimates = {method: runs.estimate(method, 0) for method in methods}
+    transfer = run_transfer(plan, runs.demonstrators, estimates, runs.progress)
+    write_atomically(path, json.dumps(transfer).encode())
+    return transfer

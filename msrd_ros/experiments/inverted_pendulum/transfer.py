@@ -10,16 +10,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from msrd_ros.experiments.inverted_pendulum.demonstrators import Demonstrators
 from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
-from msrd_ros.experiments.inverted_pendulum.evaluation import table_over
-from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Method, Rewards
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
-from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.experiments.virtual_studies.evaluation import table_over
+from msrd_ros.experiments.virtual_studies.frozen_rewards import FrozenReward, frozen_rewards
+from msrd_ros.experiments.virtual_studies.methods import Estimate, Method, Rewards
+from msrd_ros.experiments.virtual_studies.task import Demonstrators
+from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining
-from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 
@@ -45,41 +45,6 @@ class TransferPlan:
     episodes: int = 3
     horizon: int = 400
     seed: int = 4000
-
-
-class FrozenReward:
-    """A reward that does not change any more, as a function of the next state.
-
-    Parameters
-    ----------
-    rewards
-        Maps states ``[N, 4]`` to ``[S, N]`` or, shared by all, to ``[1, N]``.
-    """
-
-    def __init__(self, rewards: Rewards) -> None:
-        self._rewards = rewards
-
-    def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
-        """Row i judged by strategy i, ``[S, K, T]``."""
-        states = torch.as_tensor(rollouts.observations[:, :, 1:])
-        rows = []
-        for index in range(states.shape[0]):
-            values = self._rewards(states[index].reshape(-1, states.shape[-1]))
-            rows.append(values[index if values.shape[0] > 1 else 0].reshape(states.shape[1:3]))
-        return torch.stack(rows)
-
-
-def frozen_rewards(estimate: Estimate) -> dict[str, Rewards]:
-    """What there is to optimise: R0 + S_i, S_i alone, R0 alone."""
-    found: dict[str, Rewards] = {}
-    if estimate.combined is not None:
-        found["R0 + S_i"] = estimate.combined
-    if estimate.strategies is not None:
-        found["S_i alone"] = estimate.strategies
-    if estimate.task is not None:
-        task = estimate.task
-        found["R0 alone"] = lambda states: task(states).unsqueeze(0)
-    return found
 
 
 def run_transfer(

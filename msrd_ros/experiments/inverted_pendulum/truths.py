@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -26,14 +25,6 @@ def pendulum_features() -> Features:
 def extrinsic(states: Tensor) -> Tensor:
     """True task reward of states ``[..., 4]``: minus the pole's absolute angle."""
     return -states[..., 1].abs()
-
-
-class StrategyTruth(Protocol):
-    """True strategy-only rewards."""
-
-    def table(self, states: Tensor) -> Tensor:
-        """Every strategy's true preference for ``states [N, 4]``, ``[S, N]``."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from msrd_ros.experiments.inverted_pendulum.demonstrators import Demonstrators
-from msrd_ros.experiments.inverted_pendulum.environment import InvertedPendulum, has_fallen, task_reward
-from msrd_ros.experiments.inverted_pendulum.methods import Estimate, Rewards
-from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
-from msrd_ros.learning.rollouts import BatchedCollector
-
-NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
-"""Probabilities of replacing an action by a random one; beyond them every trajectory is the same fall."""
-
+from msrd_ros.experiments.virtual_studies.methods import Estimate, Rewards
+from msrd_ros.experiments.virtual_studies.task import Demonstrators, VirtualTask
 
 UNFALLEN_STRIDE = 5
 """Strategy rewards of noisy trajectories are averaged over every fifth step: there are many of them."""
@@ -30,34 +23,37 @@ class TestSet:
     Attributes
     ----------
     noisy
-        ``[S, L * repeats, 1001, 4]``: every strategy at every noise level.
+        ``[S, L * repeats, T+1, O]``: every strategy at every noise level.
     clean
-        ``[S, n, 1001, 4]``: every strategy without injected noise.
+        ``[S, n, T+1, O]``: every strategy without injected noise.
     clean_truth
         ``[S, S * n]``: mean true strategy reward i of each clean trajectory.
     unfallen_truth
         ``[S, m]``: the same for noisy trajectories without a fall, of all strategies.
+    fallen
+        Which noisy trajectories fell, ``[S, L * repeats]``.
+    task_truth
+        Mean true task reward of the noisy trajectories, ``[S, L * repeats]``.
     """
 
     noisy: NDArray[np.float32]
     clean: NDArray[np.float32]
     clean_truth: NDArray[np.float64]
     unfallen_truth: NDArray[np.float64]
+    fallen: NDArray[np.bool_]
+    task_truth: NDArray[np.float64]
 
     __test__ = False
 
     @property
-    def fallen(self) -> NDArray[np.bool_]:
-        """Which noisy trajectories fell, ``[S, L * repeats]``."""
-        return has_fallen(self.noisy)
-
-    @property
     def unfallen(self) -> NDArray[np.float32]:
-        """Noisy trajectories without a fall, ``[m, 1001, 4]``."""
+        """Noisy trajectories without a fall, ``[m, T+1, O]``."""
         return self.noisy[~self.fallen]
 
 
-def make_test_set(demonstrators: Demonstrators, seed: int, repeats: int = 2, clean: int = 5) -> TestSet:
+def make_test_set(
+    task: VirtualTask, demonstrators: Demonstrators, seed: int, repeats: int = 2, clean: int = 5
+) -> TestSet:
     """Play the demonstrators with noise injected into their actions (paper, Section 6.1).
 
     Parameters
@@ -71,12 +67,12 @@ def make_test_set(demonstrators: Demonstrators, seed: int, repeats: int = 2, cle
     """
     strategies = demonstrators.policies.strategies
     rng = np.random.default_rng([seed, 7])
-    levels = np.tile(np.repeat(np.array(NOISE_LEVELS), repeats), (strategies, 1))
-    noisy = BatchedCollector(InvertedPendulum(random_actions=levels)).collect(
-        demonstrators.policies, levels.shape[1], rng
-    )
-    plain = PendulumCollector().collect(demonstrators.policies, clean, rng)
-    unfallen = noisy.observations[~has_fallen(noisy.observations)]
+    levels = np.tile(np.repeat(np.array(task.noise_levels), repeats), (strategies, 1))
+    disturbed = task.make_collector(task.horizon, levels)
+    noisy = disturbed.collect(demonstrators.policies, levels.shape[1], rng)
+    plain = task.make_collector(task.horizon).collect(demonstrators.policies, clean, rng)
+    fallen = task.has_fallen(noisy.observations)
+    unfallen = noisy.observations[~fallen]
     flat = plain.observations.reshape(-1, *plain.observations.shape[2:])
     truth = demonstrators.truth.table
     return TestSet(
@@ -84,23 +80,25 @@ def make_test_set(demonstrators: Demonstrators, seed: int, repeats: int = 2, cle
         plain.observations,
         table_over(truth, flat),
         table_over(truth, unfallen, UNFALLEN_STRIDE),
+        fallen,
+        task.task_reward(noisy.observations[:, :, 1:]).mean(axis=2),
     )
 
 
 def mean_over(rewards: Rewards, trajectories: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Mean reward per step of ``trajectories [..., T+1, 4]`` under ``[N, 4] -> [N]``, ``[...]``."""
+    """Mean reward per step of ``trajectories [..., T+1, O]`` under ``[N, O] -> [N]``, ``[...]``."""
     return table_over(lambda states: rewards(states).unsqueeze(0), trajectories)[0]
 
 
 def table_over(rewards: Rewards, trajectories: NDArray[np.floating], stride: int = 1) -> NDArray[np.float64]:
-    """Mean reward of every `stride`-th step of trajectories under ``[N, 4] -> [S, N]``, ``[S, ...]``."""
+    """Mean reward of every `stride`-th step of trajectories under ``[N, O] -> [S, N]``, ``[S, ...]``."""
     lead = trajectories.shape[:-2]
     rows = trajectories.reshape(-1, *trajectories.shape[-2:])[:, 1::stride]
     steps = rows.shape[1]
     columns = []
     for start in range(0, rows.shape[0], 64):
         states: Tensor = torch.as_tensor(np.ascontiguousarray(rows[start : start + 64]), dtype=torch.float32)
-        values = rewards(states.reshape(-1, 4)).double()
+        values = rewards(states.reshape(-1, states.shape[-1])).double()
         columns.append(values.reshape(values.shape[0], -1, steps).mean(dim=2).numpy())
     table = np.concatenate(columns, axis=1)
     return table.reshape(table.shape[0], *lead)
@@ -131,9 +129,9 @@ class Scores:
     task_r_pooled
         The same without normalisation.
     task_r_unfallen
-        Over trajectories in which the pole never fell, without normalisation.
-    task_r_unfallen_normalised
-        The same, normalised per strategy.
+        Over trajectories in which the task was never lost, normalised per strategy.
+    task_r_unfallen_pooled
+        The same without normalisation.
     strategy_r
         Per strategy: strategy-only reward against the true preference over clean trajectories of all
         strategies.
@@ -148,7 +146,7 @@ class Scores:
     task_r: float | None
     task_r_pooled: float | None
     task_r_unfallen: float | None
-    task_r_unfallen_normalised: float | None
+    task_r_unfallen_pooled: float | None
     strategy_r: list[float] | None
     strategy_r_unfallen: list[float] | None
     diagonal: int | None
@@ -159,15 +157,15 @@ def evaluate(estimate: Estimate, test: TestSet) -> Scores:
     """Mark an estimate on a test set."""
     scores = Scores(None, None, None, None, None, None, None, None)
     if estimate.task is not None:
-        truth = task_reward(test.noisy[:, :, 1:]).mean(axis=2)
+        truth = test.task_truth
         found = mean_over(estimate.task, test.noisy)
         up = ~test.fallen
         scores = replace(
             scores,
             task_r=correlation(normalised(found), normalised(truth)),
             task_r_pooled=correlation(found, truth),
-            task_r_unfallen=correlation(found[up], truth[up]),
-            task_r_unfallen_normalised=_unfallen_normalised(found, truth, up),
+            task_r_unfallen=_unfallen_normalised(found, truth, up),
+            task_r_unfallen_pooled=correlation(found[up], truth[up]),
         )
     if estimate.strategies is None:
         return scores

@@ -15,13 +15,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
-from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
+from msrd_ros.experiments.virtual_studies.task import VirtualTask
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
 from msrd_ros.learning.baselines import StrategyClassifier
 from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.presets import as_printed, inverted_pendulum
+from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardForm, RewardModel, RewardValues
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
@@ -50,11 +49,11 @@ class Estimate:
     Attributes
     ----------
     task
-        Maps states ``[N, 4]`` to R0 ``[N]``; None if the method claims none.
+        Maps states ``[N, O]`` to R0 ``[N]``; None if the method claims none.
     strategies
-        Maps states ``[N, 4]`` to the strategy-only rewards ``[S, N]``; None if the method claims none.
+        Maps states ``[N, O]`` to the strategy-only rewards ``[S, N]``; None if the method claims none.
     combined
-        Maps states ``[N, 4]`` to R_i ``[S, N]`` (``[1, N]`` for a single reward); None if there is none.
+        Maps states ``[N, O]`` to R_i ``[S, N]`` (``[1, N]`` for a single reward); None if there is none.
     weights
         The numbers behind the functions, to keep.
     seconds, environment_steps
@@ -95,9 +94,9 @@ class Budget:
     classifier_steps: int = 2500
 
 
-def configure(method: Method, budget: Budget) -> MSRDConfig:
+def configure(task: VirtualTask, method: Method, budget: Budget) -> MSRDConfig:
     """The settings of a method that plays; AIRL's own changes are in `msrd_ros.learning.airl`."""
-    config = inverted_pendulum()
+    config = task.preset()
     config = replace(
         config,
         sweeps=budget.sweeps,
@@ -112,6 +111,7 @@ def configure(method: Method, budget: Budget) -> MSRDConfig:
 
 
 def train(
+    task: VirtualTask,
     method: Method,
     demonstrations: Demonstrations,
     budget: Budget,
@@ -124,15 +124,15 @@ def train(
     """
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
-        classifier = _fresh_classifier(demonstrations, seed)
+        classifier = _fresh_classifier(task, demonstrations, seed)
         classifier.fit(DemonstrationPool(demonstrations), budget.classifier_steps)
         return _from_classifier(classifier, time.perf_counter() - started)
     if method is Method.ORACLE:
         half = demonstrations.observations.shape[2] // 2
-        settled = np.asarray(demonstrations.observations[:, :, half:, 0], dtype=np.float64)
+        settled = np.asarray(demonstrations.observations[:, :, half:, task.telling_column], dtype=np.float64)
         places = torch.as_tensor(settled.mean(axis=(1, 2)), dtype=torch.float32)
-        return _from_places(places, time.perf_counter() - started)
-    trainer = make_trainer(method, demonstrations, budget, seed)
+        return _from_places(task, places, time.perf_counter() - started)
+    trainer = make_trainer(task, method, demonstrations, budget, seed)
     trainer.clone()
     for sweep in range(budget.sweeps):
         metrics = trainer.sweep()
@@ -140,38 +140,46 @@ def train(
             right = 0.5 * (metrics["demonstrations_right"] + metrics["generated_right"])
             progress(f"{method} seed {seed}: sweep {sweep + 1} of {budget.sweeps}, told apart {right:.2f}")
     cost = time.perf_counter() - started, trainer.environment_steps
-    return from_rewards(trainer.averaged_rewards, method, *cost)
+    return from_rewards(task, trainer.averaged_rewards, method, *cost)
 
 
-def make_trainer(method: Method, demonstrations: Demonstrations, budget: Budget, seed: int) -> MSRD:
+def make_trainer(
+    task: VirtualTask, method: Method, demonstrations: Demonstrations, budget: Budget, seed: int
+) -> MSRD:
     """The trainer of a method that plays."""
     makers = {
         Method.AIRL: pooled_airl,
         Method.AIRL_EACH: airl_per_strategy,
         Method.AIRL_EACH_CROSS: airl_per_strategy,
     }
-    collector = PendulumCollector(budget.horizon)
-    return makers.get(method, MSRD)(configure(method, budget), demonstrations, collector, seed)
+    collector = task.make_collector(budget.horizon)
+    return makers.get(method, MSRD)(configure(task, method, budget), demonstrations, collector, seed)
 
 
 def restore(
-    tensors: dict[str, Tensor], method: Method, demonstrations: Demonstrations, budget: Budget
+    task: VirtualTask,
+    tensors: dict[str, Tensor],
+    method: Method,
+    demonstrations: Demonstrations,
+    budget: Budget,
 ) -> Estimate:
     """Inverse of `Estimate.tensors`."""
     seconds, steps = tensors["cost"].tolist()
     weights = {name: value for name, value in tensors.items() if name != "cost"}
     if method is Method.ORACLE:
-        return _from_places(weights["places"], seconds)
+        return _from_places(task, weights["places"], seconds)
     if method is Method.CLASSIFIER:
-        classifier = _fresh_classifier(demonstrations, 0)
+        classifier = _fresh_classifier(task, demonstrations, 0)
         classifier.network.load_state_dict(weights)
         return _from_classifier(classifier, seconds)
-    rewards = make_trainer(method, demonstrations, budget, 0).averaged_rewards
+    rewards = make_trainer(task, method, demonstrations, budget, 0).averaged_rewards
     rewards.load_state_dict(weights)
-    return from_rewards(rewards, method, seconds, int(steps))
+    return from_rewards(task, rewards, method, seconds, int(steps))
 
 
-def from_rewards(rewards: RewardModel, method: Method, seconds: float, environment_steps: int) -> Estimate:
+def from_rewards(
+    task: VirtualTask, rewards: RewardModel, method: Method, seconds: float, environment_steps: int
+) -> Estimate:
     """The functions of states that a trained reward model stands for.
 
     AIRL per strategy has no task reward of its own; the mean of its rewards is the natural guess at one, and
@@ -180,19 +188,19 @@ def from_rewards(rewards: RewardModel, method: Method, seconds: float, environme
 
     @torch.no_grad()
     def values(states: Tensor) -> RewardValues:
-        width = states.shape[1]
-        packed = torch.zeros(1, states.shape[0], 2 * width + 3)
-        packed[0, :, width + 1 : 2 * width + 1] = states
-        return rewards.table(Transitions(packed, width, 1))
+        width, actions = task.observation_width, task.action_width
+        packed = torch.zeros(1, states.shape[0], 2 * width + actions + 2)
+        packed[0, :, width + actions : 2 * width + actions] = states
+        return rewards.table(Transitions(packed, width, actions))
 
     @torch.no_grad()
-    def task(states: Tensor) -> Tensor:
+    def task_reward(states: Tensor) -> Tensor:
         if method in (Method.AIRL_EACH, Method.AIRL_EACH_CROSS):
             return values(states).combined.mean(dim=0)
         return rewards.task_network(rewards.task_features(states.unsqueeze(0)))[0, :, 0]
 
     return Estimate(
-        task,
+        task_reward,
         None if method is Method.AIRL else lambda states: values(states).strategy,
         lambda states: values(states).combined,
         dict(rewards.state_dict()),
@@ -201,10 +209,10 @@ def from_rewards(rewards: RewardModel, method: Method, seconds: float, environme
     )
 
 
-def _fresh_classifier(demonstrations: Demonstrations, seed: int) -> StrategyClassifier:
+def _fresh_classifier(task: VirtualTask, demonstrations: Demonstrations, seed: int) -> StrategyClassifier:
     """No inverse reinforcement learning: a softmax classifier on the demonstrations' states."""
     generator = torch.Generator().manual_seed(seed)
-    return StrategyClassifier(demonstrations.strategies, pendulum_features(), (32, 32), generator)
+    return StrategyClassifier(demonstrations.strategies, task.features, (32, 32), generator)
 
 
 def _from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
@@ -213,10 +221,10 @@ def _from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate
     return Estimate(None, classifier.log_posterior, None, weights, seconds, 0)
 
 
-def _from_places(places: Tensor, seconds: float) -> Estimate:
-    """A guess that knows the answer's form: minus the distance to where the strategy's cart settles."""
+def _from_places(task: VirtualTask, places: Tensor, seconds: float) -> Estimate:
+    """A guess that knows the answer's form: minus the distance to where the strategy's column settles."""
 
     def strategies(states: Tensor) -> Tensor:
-        return -(states[None, :, 0] - places[:, None]).abs()
+        return -(states[None, :, task.telling_column] - places[:, None]).abs()
 
     return Estimate(None, strategies, None, {"places": places}, seconds, 0)

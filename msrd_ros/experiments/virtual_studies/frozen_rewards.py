@@ -1,0 +1,45 @@
+"""Rewards that do not change any more, to train fresh policies on."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from msrd_ros.experiments.virtual_studies.methods import Estimate, Rewards
+from msrd_ros.learning.policies import Policies
+from msrd_ros.learning.trajectories import Rollouts
+
+
+class FrozenReward:
+    """A reward that does not change any more, as a function of the next state.
+
+    Parameters
+    ----------
+    rewards
+        Maps states ``[N, O]`` to ``[S, N]`` or, shared by all, to ``[1, N]``.
+    """
+
+    def __init__(self, rewards: Rewards) -> None:
+        self._rewards = rewards
+
+    def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
+        """Row i judged by strategy i, ``[S, K, T]``."""
+        states = torch.as_tensor(rollouts.observations[:, :, 1:])
+        rows = []
+        for index in range(states.shape[0]):
+            values = self._rewards(states[index].reshape(-1, states.shape[-1]))
+            rows.append(values[index if values.shape[0] > 1 else 0].reshape(states.shape[1:3]))
+        return torch.stack(rows)
+
+
+def frozen_rewards(estimate: Estimate) -> dict[str, Rewards]:
+    """What there is to optimise: R0 + S_i, S_i alone, R0 alone."""
+    found: dict[str, Rewards] = {}
+    if estimate.combined is not None:
+        found["R0 + S_i"] = estimate.combined
+    if estimate.strategies is not None:
+        found["S_i alone"] = estimate.strategies
+    if estimate.task is not None:
+        task = estimate.task
+        found["R0 alone"] = lambda states: task(states).unsqueeze(0)
+    return found
