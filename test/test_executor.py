@@ -25,6 +25,7 @@ from msrd_ros.facts.translation import stamp_to_ns
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import bytes_to_message, command_from_message
+from msrd_ros.table_tennis.ball_filter import BallFilter
 from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.stroke_player import StrokePlayer
 
@@ -129,15 +130,19 @@ def robot(shared_stack: Stack, executor: RunningProcess) -> Robot:
     return one
 
 
-def expected_stroke(policies: StrokePolicies, label: object) -> list[np.ndarray]:
+def expected_stroke(
+    policies: StrokePolicies, label: object, ball_filter: BallFilter | None = None
+) -> list[np.ndarray]:
     """The commanded positions of one stroke with the ball of `flying`, played in process."""
     pose = policies.facts[label].ready_pose  # type: ignore[index]
     player = StrokePlayer(pose)
     player.prepare(policies.play(label, StrokeDraws.of(0, 0)), pose)  # type: ignore[arg-type]
     commands = []
     for step in range(-2, HORIZON):
-        ball = flying(max(step, 0))
-        reference = player.tick(player.reference.position, ball, 10**9 + step * PERIOD_NS)
+        ball, stamp_ns = flying(max(step, 0)), 10**9 + step * PERIOD_NS
+        if ball_filter is not None:
+            ball, stamp_ns = ball_filter.see(stamp_ns, stamp_ns, ball)
+        reference = player.tick(player.reference.position, ball, stamp_ns)
         if step >= 0:
             commands.append(reference.position)
     return commands
@@ -256,6 +261,19 @@ def test_disabled_it_holds_still(robot: Robot) -> None:
     assert np.abs(position - held).max() < 0.05
     assert robot.stack.set("executor/enable", True).success
     robot.make_ready(label, POLICIES.facts[label].ready_pose)
+
+
+def test_policies_may_see_a_fit_of_the_flight_instead_of_samples(stack: Stack, checkpoint: Path) -> None:
+    process = stack.start("executor", checkpoint=checkpoint, estimate_ball=True, camera_noise_m=0.003)
+    process.wait_for_line("ready: lockstep")
+    label, robot = LABELS[0], Robot(stack)
+    robot.ask(label)
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+    robot.tick()
+    played = play(robot)
+    expected = expected_stroke(POLICIES, label, BallFilter(0.003))
+    np.testing.assert_allclose(played, expected, atol=1e-6)
+    assert np.abs(np.subtract(expected, expected_stroke(POLICIES, label))).max() > 1e-4
 
 
 def test_a_second_executor_ends_with_a_clear_line(

@@ -12,7 +12,6 @@ import pytest
 from scipy.stats import friedmanchisquare
 
 from msrd_ros.experiments.reproduce import main
-from msrd_ros.experiments.table_tennis.ball_filter import BallFilter
 from msrd_ros.experiments.table_tennis.methods import MAIN_METHODS, Budget, Method, make_training
 from msrd_ros.experiments.table_tennis.playing import (
     EVALUATION_STREAM,
@@ -207,26 +206,6 @@ def test_untouched_path_is_the_true_one() -> None:
     path, first = untouched_path(seen, 45)
     assert first <= 2
     assert np.linalg.norm(path - truth[first:], axis=1).max() < 0.02
-
-
-def test_filter_looks_through_noise_and_latency_until_the_hit() -> None:
-    launch = Feeder().nominal(Side.BACKHAND).state()
-    path = ball_path(launch, 0.005, 200, Scene().constants())[:, :3]
-    rng = np.random.default_rng(0)
-    sight = BallFilter(0.003)
-    errors = []
-    for tick in range(1, 45):
-        at = 4 * tick - 4
-        seen = path[at] + 0.003 * rng.standard_normal(3)
-        position, stamp_s = sight.see(0.02 * tick, 0.02 * (tick - 1), seen)
-        if tick > 20:
-            errors.append(np.linalg.norm(position - path[4 * tick]))
-            assert stamp_s == pytest.approx(0.02 * tick)
-    assert max(errors) < 0.01
-    away = path[180] + np.array([0.4, 0.0, 0.1])
-    position, stamp_s = sight.see(0.92, 0.90, away)
-    assert np.array_equal(position, away)
-    assert stamp_s == 0.90
 
 
 def test_evaluation_balls_are_the_evaluators_and_the_same_for_everyone() -> None:

@@ -25,6 +25,7 @@ from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
+from msrd_ros.table_tennis.ball_filter import BallFilter
 from msrd_ros.table_tennis.stroke_player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 
 START_UP_S = 3.0
@@ -47,6 +48,12 @@ class ExecutorConfig:
         0.0, "Spread of the start posture around the ready pose", unit="rad", low=0.0, high=0.2
     )
     seed: int = parameter(0, "Seed of the start postures", low=0)
+    estimate_ball: bool = parameter(
+        False, "Show policies a fit of the ball's flight instead of samples: for slow, late or noisy cameras"
+    )
+    camera_noise_m: float = parameter(
+        0.001, "estimate_ball: standard deviation of the ball's samples", unit="m", low=0.0, high=0.1
+    )
     stale_timeout_s: float = parameter(
         0.15, "Older joint states or ball positions make the arm stop", unit="s", low=0.02, high=5.0
     )
@@ -68,6 +75,9 @@ class Executor(StackNode):
         super().__init__("executor", ExecutorConfig)
         self._enabled = self.config.enabled
         self._player: StrokePlayer | None = None
+        self._ball_filter: BallFilter | None = None
+        if self.config.estimate_ball:
+            BallFilter.compile_ahead()
         self._policies: StrokePolicies | None = None
         self._arriving: StrokePolicies | None = None
         self._strategy: StrategyLabel | None = None
@@ -147,11 +157,17 @@ class Executor(StackNode):
             self._counts["stops"] += 1
             return player.hold()
         try:
-            return player.tick(tick.joint_position, tick.ball_position, tick.ball_stamp_ns)
+            return player.tick(tick.joint_position, *self._see(tick))
         except UserError as error:
             self._counts["stops"] += 1
             self._refuse(UserError(f"{error} (strategy {self._strategy})"))
             return player.hold()
+
+    def _see(self, tick: TickInput) -> tuple[NDArray[np.float64], int]:
+        """Where policies see the ball, (3,) in m, and of when that is in nanoseconds."""
+        if self._ball_filter is None:
+            return tick.ball_position, tick.ball_stamp_ns
+        return self._ball_filter.see(tick.time_ns, tick.ball_stamp_ns, tick.ball_position)
 
     def _follow(self, position: NDArray[np.float64]) -> StrokePlayer:
         """The player; led on from where the arm is if it has strayed from its command."""
@@ -198,6 +214,8 @@ class Executor(StackNode):
         policy = self._policies.play(self._wanted, draws)
         ready_pose = facts.ready_pose + noise_rad * draws.ready
         player.prepare(policy, ready_pose)
+        if self.config.estimate_ball:
+            self._ball_filter = BallFilter(self.config.camera_noise_m)
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
         command = command_to_message(reference, self._strategy, stamp, CONTROL_PERIOD_S)

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.experiments.stroke_rollouts import camera_sight, play_in_world
-from msrd_ros.experiments.table_tennis.ball_filter import BallFilter
 from msrd_ros.facts.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.sawyer import JOINT_COUNT
-from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
+from msrd_ros.table_tennis.ball_filter import BallFilter
 from msrd_ros.table_tennis.feeder import EVALUATION_STREAM, STANDARD, Feed, Feeder, FeedSpread
 from msrd_ros.table_tennis.stroke_player import PolicyFunction
 from msrd_ros.table_tennis.world import Tick, World, WorldConfig
@@ -137,9 +136,7 @@ def play_ball(
         ball_filter = BallFilter(conditions.world.camera.noise_std_m)
 
         def sight(tick: Tick) -> tuple[NDArray[np.float64], int]:
-            seen_s = tick.ball_stamp_ns / NANOSECONDS
-            position, stamp_s = ball_filter.see(tick.time_ns / NANOSECONDS, seen_s, tick.ball_position)
-            return position, round(stamp_s * NANOSECONDS)
+            return ball_filter.see(tick.time_ns, tick.ball_stamp_ns, tick.ball_position)
 
     episode, outcome = play_in_world(world, ball.label, policy, ready_pose, ball.feed, ball.number, sight)
     return outcome, episode

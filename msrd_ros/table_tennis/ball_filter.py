@@ -10,9 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.facts.labels import Side
+from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.table_tennis.ball_path import path_at
+from msrd_ros.table_tennis.feeder import Feeder
 from msrd_ros.table_tennis.flight_estimator import PATH_PERIOD_S, EstimatorConfig, FlightEstimator
 from msrd_ros.table_tennis.scene import Scene
+from msrd_ros.table_tennis.stroke_side import feed_path
 
 LEAST_MISFIT_M = 0.05
 MISFIT_DEVIATIONS = 8.0
@@ -38,16 +42,24 @@ class BallFilter:
         self._path: NDArray[np.float64] | None = None
         self._touched = False
 
+    @classmethod
+    def compile_ahead(cls) -> None:
+        """Watch a made-up ball, so that nothing has to be compiled while a real one is flying."""
+        ball_filter = cls(0.001)
+        for index, row in enumerate(feed_path(Feeder().nominal(Side.FOREHAND), Scene().constants())[:20]):
+            stamp_ns = round(index * PATH_PERIOD_S * NANOSECONDS)
+            ball_filter.see(stamp_ns, stamp_ns, row[:3])
+
     def see(
-        self, now_s: float, stamp_s: float, position: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], float]:
+        self, now_ns: int, stamp_ns: int, position: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], int]:
         """Take in the newest sample; where the ball is, and of when that is.
 
         Parameters
         ----------
-        now_s
+        now_ns
             Present moment; same clock as the stamps.
-        stamp_s
+        stamp_ns
             When the frame was taken.
         position
             Where the ball seemed to be, shape (3,), m.
@@ -56,20 +68,21 @@ class BallFilter:
         -------
         position
             Estimate for the present moment, or the sample itself while there is none.
-        stamp_s
+        stamp_ns
             The moment that it is of.
         """
         if self._touched:
-            return position, stamp_s
+            return position, stamp_ns
+        stamp_s = stamp_ns / NANOSECONDS
         if self._path is not None and np.linalg.norm(position - self._at(stamp_s)) > self._limit_m:
             self._touched = True
             # The estimate was ahead of the camera: its first sample afterwards may be older.
-            return position, stamp_s
+            return position, stamp_ns
         if self._estimator.see(stamp_s, position):
             self._path = self._estimator.path()
         if self._path is None:
-            return position, stamp_s
-        return self._at(now_s), now_s
+            return position, stamp_ns
+        return self._at(now_ns / NANOSECONDS), now_ns
 
     def _at(self, time_s: float) -> NDArray[np.float64]:
         assert self._path is not None
