@@ -128,6 +128,18 @@ def test_a_ball_that_comes_before_the_arm_is_ready_is_let_through() -> None:
     assert player.between_strokes
 
 
+def test_a_ready_pose_beyond_the_limits_is_drawn_in() -> None:
+    player = StrokePlayer(HOME_POSTURE_RAD)
+    pose = HOME_POSTURE_RAD.copy()
+    pose[1] = POSITION_UPPER_RAD[1] + 0.02
+    player.prepare(None, pose)
+    for step in range(300):
+        player.tick(player.reference.position, np.array([1.5, 0.0, 1.0]), 20_000_000 * step)
+    assert player.phase is Phase.READY
+    assert 0.0 < POSITION_UPPER_RAD[1] - player.reference.position[1] < 0.02
+    np.testing.assert_array_equal(np.delete(player.reference.position, 1), np.delete(pose, 1))
+
+
 def test_without_a_policy_the_arm_stays_ready() -> None:
     player = StrokePlayer(HOME_POSTURE_RAD)
     for step in range(20):

@@ -25,6 +25,7 @@ from msrd_ros.facts.episode import (
     Episode,
 )
 from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.motion_limits import HIGHEST_RAD, LOWEST_RAD
 from msrd_ros.facts.outcome import Outcome
 from msrd_ros.facts.translation import EpisodeAssembler
 from msrd_ros.learning.policies import GaussianPolicies, Policies
@@ -161,12 +162,13 @@ def play_in_world(
     policy
         From observation (13,) to action (7,).
     ready_pose
-        Where the joints wait, shape (7,), rad.
+        Where the joints wait, shape (7,), rad; drawn into the joints' limits.
     ball_number
         How many balls the simulator would have launched before this one.
     sight
         How the policy sees the ball; the episode holds what the camera shows.
     """
+    ready_pose = np.clip(ready_pose, LOWEST_RAD, HIGHEST_RAD)
     world.rally.reset(ready_pose)
     world.balls = ball_number
     world.strategy = label

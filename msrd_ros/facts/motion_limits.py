@@ -32,6 +32,11 @@ ACCELERATION_LIMIT_RAD_S2.setflags(write=False)
 
 POSITION_MARGIN_RAD = 0.01
 """Kept free before each position limit, so that tracking errors never reach the hard stop."""
+LOWEST_RAD: NDArray[np.float64] = POSITION_LOWER_RAD + POSITION_MARGIN_RAD
+HIGHEST_RAD: NDArray[np.float64] = POSITION_UPPER_RAD - POSITION_MARGIN_RAD
+"""Between these every command stays."""
+LOWEST_RAD.setflags(write=False)
+HIGHEST_RAD.setflags(write=False)
 
 
 @njit(cache=True)
@@ -102,8 +107,8 @@ def shape_command(
         reference.position,
         reference.velocity,
         wanted_velocity,
-        POSITION_LOWER_RAD + POSITION_MARGIN_RAD,
-        POSITION_UPPER_RAD - POSITION_MARGIN_RAD,
+        LOWEST_RAD,
+        HIGHEST_RAD,
         SPEED_LIMIT_RAD_S,
         ACCELERATION_LIMIT_RAD_S2,
         period_s,

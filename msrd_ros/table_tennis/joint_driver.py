@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.motion_limits import JointReference
+from msrd_ros.facts.motion_limits import HIGHEST_RAD, LOWEST_RAD, JointReference
 from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
 from msrd_ros.table_tennis.dynamics import (
     GRAVITY_M_S2,
@@ -23,7 +23,7 @@ from msrd_ros.table_tennis.dynamics import (
     inverse_dynamics,
     inverse_dynamics_into,
 )
-from msrd_ros.table_tennis.joint_reference import HIGHEST_RAD, LOWEST_RAD, move_reference
+from msrd_ros.table_tennis.joint_reference import move_reference
 from msrd_ros.table_tennis.keep_out import obstacle
 from msrd_ros.table_tennis.scene import Table
 

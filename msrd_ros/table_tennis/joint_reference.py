@@ -12,14 +12,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.facts.motion_limits import ACCELERATION_LIMIT_RAD_S2, POSITION_MARGIN_RAD, next_velocity
-from msrd_ros.facts.sawyer import JOINT_COUNT, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.facts.motion_limits import (
+    ACCELERATION_LIMIT_RAD_S2,
+    HIGHEST_RAD,
+    LOWEST_RAD,
+    next_velocity,
+)
+from msrd_ros.facts.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.keep_out import MARGIN_M, braking_clearance
 
 Array = NDArray[np.float64]
 
-LOWEST_RAD = POSITION_LOWER_RAD + POSITION_MARGIN_RAD
-HIGHEST_RAD = POSITION_UPPER_RAD - POSITION_MARGIN_RAD
 _ARRIVED = 1e-6
 """Rounding left between reference and command in rad and rad/s, below which they are made equal."""
 _CAREFREE_STEPS = 4

@@ -27,8 +27,8 @@ from msrd_ros.facts.episode import (
 )
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import Side
-from msrd_ros.facts.motion_limits import POSITION_MARGIN_RAD
-from msrd_ros.facts.sawyer import JOINT_COUNT, POSITION_LOWER_RAD, POSITION_UPPER_RAD
+from msrd_ros.facts.motion_limits import HIGHEST_RAD, LOWEST_RAD
+from msrd_ros.facts.sawyer import JOINT_COUNT
 from msrd_ros.table_tennis.ball import BALL_SIZE, POSITION
 from msrd_ros.table_tennis.feeder import STANDARD, Feeder, FeedSpread
 from msrd_ros.table_tennis.kinematic_tick import advance_rallies, fly_on
@@ -161,8 +161,7 @@ class KinematicRallies:
             feeds[index] = self.config.feeder.sample_states(plan.side, variation.feed_spread, episodes, rng)
             offset = variation.ready_std_rad * rng.standard_normal((episodes, JOINT_COUNT))
             ready[index] = plan.ready_position + offset
-        lower, upper = POSITION_LOWER_RAD + POSITION_MARGIN_RAD, POSITION_UPPER_RAD - POSITION_MARGIN_RAD
-        return self.start(feeds, np.clip(ready, lower, upper), rng)
+        return self.start(feeds, np.clip(ready, LOWEST_RAD, HIGHEST_RAD), rng)
 
     def start(self, feeds: Array, ready_positions: Array, rng: np.random.Generator) -> Array:
         """Start given rallies; observations (S, K, 13).

@@ -12,15 +12,11 @@ from numpy.typing import NDArray
 
 from msrd_ros.facts.motion_limits import (
     ACCELERATION_LIMIT_RAD_S2,
-    POSITION_MARGIN_RAD,
+    HIGHEST_RAD,
+    LOWEST_RAD,
     next_velocity,
 )
-from msrd_ros.facts.sawyer import (
-    JOINT_COUNT,
-    POSITION_LOWER_RAD,
-    POSITION_UPPER_RAD,
-    SPEED_LIMIT_RAD_S,
-)
+from msrd_ros.facts.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball_step import step_ball
 from msrd_ros.table_tennis.kinematics import place_moving_paddle, place_paddle
 from msrd_ros.table_tennis.referee import IN_PLAY
@@ -34,8 +30,6 @@ its error, jerk / 8 * step^2 in velocity, stays below 5 mm/s at the arm's limits
 _PADDLE_REACH_M = 0.6
 """A paddle further from the ball than this at a tick cannot meet it within the tick's 20 ms at 25 m/s."""
 
-_LOWER = POSITION_LOWER_RAD + POSITION_MARGIN_RAD
-_UPPER = POSITION_UPPER_RAD - POSITION_MARGIN_RAD
 _SPEED = SPEED_LIMIT_RAD_S.copy()
 _ACCELERATION = ACCELERATION_LIMIT_RAD_S2.copy()
 
@@ -71,8 +65,8 @@ def advance_rally(
             position[joint],
             velocity[joint],
             wanted,
-            _LOWER[joint],
-            _UPPER[joint],
+            LOWEST_RAD[joint],
+            HIGHEST_RAD[joint],
             _SPEED[joint],
             _ACCELERATION[joint],
             period,

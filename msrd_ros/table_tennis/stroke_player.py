@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.facts.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity, observe
-from msrd_ros.facts.motion_limits import JointReference, shape_command, velocity_towards
+from msrd_ros.facts.motion_limits import (
+    HIGHEST_RAD,
+    LOWEST_RAD,
+    JointReference,
+    shape_command,
+    velocity_towards,
+)
 from msrd_ros.facts.translation import BallTracker
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -88,7 +94,7 @@ class StrokePlayer:
         policy
             What to play; None lets balls through.
         ready_pose
-            Where to wait for the ball, shape (7,), rad.
+            Where to wait for the ball, shape (7,), rad; what lies outside the joints' limits is drawn in.
         by_way_of
             A pose (7,) to pass on the way, for an arm whose last stroke someone else led.
         """
@@ -97,7 +103,7 @@ class StrokePlayer:
         elif self._passing is None and self._away:
             self._passing = self._ready_pose
         self._policy = policy
-        self._ready_pose = np.array(ready_pose, dtype=np.float64)
+        self._ready_pose = np.clip(ready_pose, LOWEST_RAD, HIGHEST_RAD)
         self.phase = Phase.READYING
 
     def tick(
