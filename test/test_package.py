@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -168,3 +169,25 @@ def test_constraints_pin_what_setup_asks_for() -> None:
     names = {match.group(1).lower().replace("_", "-") for match in asked if match}
     assert names, "setup.py asks for nothing"
     assert names - set(pinned) == set()
+
+
+def test_compiled_code_of_other_sources_is_kept_for_a_month(tmp_path: Path) -> None:
+    cache = tmp_path / "msrd_ros" / "numba"
+    for name, age_days in (("old", 40), ("recent", 3)):
+        (cache / name).mkdir(parents=True)
+        (cache / name / "code.nbc").write_bytes(b"")
+        then = time.time() - 86_400 * age_days
+        os.utime(cache / name, (then, then))
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path)}
+    code = "import msrd_ros, os; print(os.environ['NUMBA_CACHE_DIR'])"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=CHECKOUT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert Path(done.stdout.strip()).parent == cache
+    assert [path.name for path in cache.iterdir()] == ["recent"]
