@@ -1,0 +1,172 @@
+"""The Hopper study from start to end, resumable; see `virtual_studies.runs` for the seeds.
+
+Everything was tuned on a third pair of demonstrators, which is not evaluated, and on seeds from 9000 on.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msrd_ros.experiments.hopper.demonstrators import PAIRS, Demonstrators, cached_demonstrators
+from msrd_ros.experiments.hopper.evaluation import GaitTestSet, judge, make_gait_test_set
+from msrd_ros.experiments.hopper.task import HOPPER
+from msrd_ros.experiments.hopper.transfer import TransferPlan, run_transfer
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method
+from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, digest
+from msrd_ros.experiments.virtual_studies.statistics import paired_test
+from msrd_ros.learning.checkpoints import write_atomically
+
+RIVALS = ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier")
+TASK_MARKS = ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen")
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """What to run.
+
+    Attributes
+    ----------
+    seeds
+        Repetitions with each pair of demonstrators.
+    pairs
+        Independently trained pairs.
+    budget
+        What each method may use.
+    demonstrations
+        Trajectories of each strategy.
+    test_repeats, test_clean, test_unseen
+        Test trajectories per strategy and noise level, without noise, and per gait nobody demonstrated.
+    transfer
+        Fresh policies on frozen rewards, with each pair's first repetition; None leaves them out.
+    """
+
+    seeds: int = 5
+    pairs: tuple[str, ...] = PAIRS
+    budget: Budget = field(default_factory=Budget)
+    demonstrations: int = 10
+    test_repeats: int = 3
+    test_clean: int = 5
+    test_unseen: int = 1
+    transfer: TransferPlan | None = field(default_factory=TransferPlan)
+
+    @classmethod
+    def quick(cls) -> StudyPlan:
+        """A small version for a first look and for the tests: one pair, one seed, a short training."""
+        return cls(
+            seeds=1,
+            pairs=PAIRS[:1],
+            budget=Budget(sweeps=6, episodes=1, horizon=500, cloning_steps=200, classifier_steps=300),
+            demonstrations=2,
+            test_repeats=1,
+            test_clean=1,
+            transfer=None,
+        )
+
+    def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = lambda line: None) -> Runs:
+        """The runs on one pair, kept in `folder`."""
+        return Runs(
+            HOPPER,
+            cached_demonstrators(pair),
+            pair,
+            self.budget,
+            self.demonstrations,
+            self.test_repeats,
+            self.test_clean,
+            folder,
+            progress,
+        )
+
+    def test_set(self, demonstrators: Demonstrators, repetition: int) -> GaitTestSet:
+        """The test trajectories of a repetition, the same for every method."""
+        seed = TEST_SEED + repetition
+        return make_gait_test_set(demonstrators, seed, self.test_repeats, self.test_clean, self.test_unseen)
+
+
+def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:
+    """Everything; returns the content of ``metrics.json``.
+
+    Every list in ``methods`` runs over the seeds of the first pair, then of the next, as ``seeds`` and
+    ``pairs`` say.
+
+    Parameters
+    ----------
+    folder
+        Where runs are kept, so that an interrupted study goes on where it was.
+    """
+    scores: dict[str, dict[str, list[Any]]] = {}
+    for pair in plan.pairs:
+        runs = plan.runs(pair, folder, progress)
+        for repetition in range(plan.seeds):
+            test: GaitTestSet | None = None
+            for method in Method:
+                result, test = _marks(plan, runs, method, repetition, test)
+                for name, value in result.items():
+                    scores.setdefault(method.value, {}).setdefault(name, []).append(value)
+    transfer = {}
+    if plan.transfer is not None:
+        transfer = {pair: _transfer(plan.transfer, plan.runs(pair, folder, progress)) for pair in plan.pairs}
+    return {
+        "study": HOPPER.name,
+        "seeds": list(range(plan.seeds)) * len(plan.pairs),
+        "pairs": [pair for pair in plan.pairs for _ in range(plan.seeds)],
+        "methods": scores,
+        "tests": summarise(scores),
+        "transfer": transfer,
+        "demonstrators": {
+            pair: made.report | {"recipe": asdict(made.recipe)}
+            for pair, made in ((pair, cached_demonstrators(pair)) for pair in plan.pairs)
+        },
+        "plan": asdict(plan),
+    }
+
+
+def _marks(
+    plan: StudyPlan, runs: Runs, method: Method, repetition: int, test: GaitTestSet | None
+) -> tuple[dict[str, Any], GaitTestSet | None]:
+    """Marks of one run, from its file if they are there already; and the test set once it was needed."""
+    key = digest(runs.path(method, repetition).name, runs.test_repeats, runs.test_clean, plan.test_unseen)
+    path = runs.folder / f"{runs.name}-{method.value}-{repetition}-{key}.json"
+    if path.exists():
+        return dict(json.loads(path.read_text())), test
+    demonstrators = runs.demonstrators
+    assert isinstance(demonstrators, Demonstrators)
+    estimate = runs.estimate(method, repetition)
+    test = test or plan.test_set(demonstrators, repetition)
+    result = judge(estimate, test)
+    result |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
+    result["fallen_share"] = float(test.demonstrated.fallen[0].mean())
+    write_atomically(path, json.dumps(result).encode())
+    return result, test
+
+
+def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
+    """Fresh policies on the first repetition's rewards, or what is already known of them."""
+    path = runs.folder / f"transfer-{digest(asdict(plan), runs.path(Method.MSRD, 0).name)}.json"
+    if path.exists():
+        return dict(json.loads(path.read_text()))
+    demonstrators = runs.demonstrators
+    assert isinstance(demonstrators, Demonstrators)
+    estimate = runs.estimate(Method.MSRD, 0)
+    found = run_transfer(plan, demonstrators, runs.demonstrate(0), estimate, runs.progress)
+    write_atomically(path, json.dumps(found).encode())
+    return found
+
+
+def summarise(methods: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """MSRD against each rival: strategy rewards paired by pair, seed and strategy, tasks by pair and seed."""
+    tests: dict[str, Any] = {}
+    for rival in RIVALS:
+        for mark in ("strategy_r", "strategy_r_own"):
+            ours, theirs = (np.array(methods[name][mark], float).ravel() for name in ("msrd", rival))
+            tests[f"{mark}_msrd_over_{rival}"] = paired_test(ours, theirs)
+    for rival in ("airl", *RIVALS[:-1]):
+        for mark in TASK_MARKS:
+            ours, theirs = (np.array(methods[name][mark], float) for name in ("msrd", rival))
+            tests[f"{mark}_msrd_over_{rival}"] = paired_test(ours, theirs)
+    return tests

@@ -1,0 +1,62 @@
+"""The Hopper as the methods and marks of the studies in simulation see it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.experiments.hopper.demonstrators import FEATURE_SCALES, hopper_features
+from msrd_ros.experiments.hopper.environment import (
+    ACTION_NAMES,
+    EPISODE_STEPS,
+    FEATURE_NAMES,
+    OBSERVATION_NAMES,
+    Hopper,
+    HopperBody,
+    is_healthy,
+    task_reward,
+)
+from msrd_ros.experiments.virtual_studies.task import VirtualTask
+from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.presets import hopper
+from msrd_ros.learning.rollouts import BatchedCollector
+
+NOISE_LEVELS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
+"""Probabilities of replacing an action by a random one, from the demonstrators to pure chance."""
+
+
+def has_fallen(observations: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Whether a hop ever stopped being healthy, in trajectories ``[2, ..., T+1, 12]`` of hop and crawl.
+
+    A crawl lies down by intent and has nothing to fall from.
+    """
+    fallen = np.asarray(~is_healthy(observations).all(axis=-1))
+    fallen[1:] = False
+    return fallen
+
+
+def make_collector(
+    horizon: int, random_actions: float | NDArray[np.float64] = 0.0, body: HopperBody | None = None
+) -> BatchedCollector:
+    """Where policies are played."""
+    return BatchedCollector(Hopper(horizon, body, random_actions))
+
+
+def preset() -> MSRDConfig:
+    """Settings of MSRD on this task."""
+    return hopper(FEATURE_NAMES, FEATURE_SCALES)
+
+
+HOPPER = VirtualTask(
+    "hopper",
+    len(OBSERVATION_NAMES),
+    len(ACTION_NAMES),
+    hopper_features(),
+    preset,
+    make_collector,
+    EPISODE_STEPS,
+    task_reward,
+    has_fallen,
+    NOISE_LEVELS,
+    OBSERVATION_NAMES.index("torso_z"),
+)
