@@ -47,6 +47,8 @@ PAIRS = ("first", "second")
 TUNING_PAIR = "tuning"
 SEEDS = {"first": 1, "second": 2, "tuning": 0}
 """Recipe seeds of the cached pairs."""
+OTHERS = 24
+"""Gaits kept that nobody demonstrates, spread evenly over strategies and training time."""
 FEATURE_SCALES = (0.5, 0.5, 1.0, 1.0, 0.5, 2.0, 1.5, 3.0, 5.0, 5.0, 5.0)
 """Metres, radians and their rates at the size they move."""
 _POLICY_HIDDEN = (64, 64)
@@ -73,6 +75,9 @@ class Recipe:
         Weight of DIAYN's pseudo-reward beside the speed.
     healthy_bonus, fall_cost
         What the upright ones get for a healthy step, and pay for a fall, in m/s; they then start again.
+    speed_cap
+        Speed from which on the upright ones gain nothing more, in m/s: without it they take runs that end in
+        a fall, again and again.
     stages
         (sweeps, episodes, steps): TRPO updates on so many episodes per strategy of so many steps.
     snapshot_every
@@ -91,8 +96,9 @@ class Recipe:
     weight: float = 0.2
     healthy_bonus: float = 1.0
     fall_cost: float = 100.0
-    stages: tuple[tuple[int, int, int], ...] = ((90, 4, 500), (90, 2, 1000))
-    snapshot_every: int = 15
+    speed_cap: float = 1.6
+    stages: tuple[tuple[int, int, int], ...] = ((90, 4, 500), (40, 2, 1000))
+    snapshot_every: int = 10
     kl: float = 0.02
     std: float = 0.6
     play_std: float = 0.15
@@ -124,7 +130,8 @@ class GaitReward:
         reward = self._diayn.reward(rollouts, policies)
         healthy = torch.as_tensor(is_healthy(rollouts.observations[: recipe.upright]))
         before, after = healthy[:, :, :-1], healthy[:, :, 1:]
-        upright = reward[: recipe.upright]
+        speed = extrinsic(torch.as_tensor(rollouts.observations[: recipe.upright, :, 1:]))
+        upright = reward[: recipe.upright] - (speed - recipe.speed_cap).clamp(min=0.0)
         upright = torch.where(after, upright + recipe.healthy_bonus, upright - recipe.fall_cost)
         reward[: recipe.upright] = torch.where(before, upright, torch.zeros_like(upright))
         return reward
@@ -169,7 +176,7 @@ class Demonstrators:
     policies
         Hop and crawl.
     others
-        Further candidates, for judging rewards on gaits that no method ever sees.
+        `OTHERS` of the other candidates, for judging rewards on gaits that no method ever sees.
     truth
         What hop and crawl truly prefer.
     report
@@ -199,8 +206,9 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
 
     The rule: every snapshot of every strategy is a candidate, judged on 4 episodes of 1,000 steps. A hop is
     of the upright strategies and healthy in at least 95 % of the states (who falls does not get up); a crawl
-    is of the free ones and keeps its torso below 0.6 m on average. Of the pairs within 5 % of each other's speed the fastest is taken, by the
-    slower one's mean speed; if there is none, the pair closest in speed among those above 1 m/s.
+    is of the free ones and keeps its torso below 0.6 m on average. Of the pairs within 5 % of each other's
+    speed the fastest is taken, by the slower one's mean speed; if there is none, the pair closest in speed
+    among those above 1 m/s.
     """
     generator = torch.Generator().manual_seed(recipe.seed)
     policies = _policies(recipe.strategies, generator, recipe.std, 1.0)
@@ -232,6 +240,9 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     for _ in range(100):
         diayn.fit(states)
     rest = [index for index in range(len(speed)) if index not in (hop, crawl)]
+    rest = [
+        rest[place] for place in np.linspace(0, len(rest) - 1, min(OTHERS, len(rest))).round().astype(int)
+    ]
     report = {
         "candidates": len(speed),
         "chosen": [hop, crawl],
