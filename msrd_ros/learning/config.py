@@ -124,6 +124,11 @@ class DiscriminatorConfig:
         Adam; the rate falls linearly to the given share over the planned sweeps.
     penalty, penalty_weight
         Regulariser of S_i and lambda_i; None sets lambda_i = alpha_i, the paper's text.
+    task_penalty_weight
+        lambda_0 of E[R0^2], over the other strategies' transitions as well where there are cross-negatives
+        (0 is the paper; the authors' code has one). Where generators pile up and demonstrations never go,
+        the likelihood ratio and with it R0 falls without end: this says that it need not. AIRL per strategy
+        has it on R_i.
     penalise_all
         Whether the regulariser's expectation also runs over the other strategies' transitions.
     cross_weight, cross_batch, cross_demonstrations
@@ -155,6 +160,7 @@ class DiscriminatorConfig:
     weight_decay: float = 1e-4
     penalty: Penalty = Penalty.SQUARE
     penalty_weight: float | None = 0.01
+    task_penalty_weight: float = 0.0
     penalise_all: bool = False
     cross_weight: float = 0.0
     cross_batch: int = 256

@@ -187,6 +187,9 @@ class RewardTraining:
         distils = rewards.form in (RewardForm.TWO_COLUMN, RewardForm.VANILLA)
         weight = self._penalty_weight if distils else 0.0
         loss = distillation_loss(demonstrated, generated, scope, weight, config.penalty)
+        if config.task_penalty_weight > 0.0:
+            shared = values.combined if rewards.form is RewardForm.STRATEGY_ONLY else values.task
+            loss = loss + config.task_penalty_weight * shared.square().mean(dim=1)
         if others is not None and config.cross_weight > 0.0:
             other = logit[:, 2 * size :]
             if not config.cross_reaches_task and rewards.form is RewardForm.TWO_COLUMN:
