@@ -76,6 +76,7 @@ def test_same_seed_same_numbers_other_seed_other_numbers() -> None:
         {"task_update": TaskUpdate.SEQUENTIAL},
         {"cross_weight": 0.3, "penalise_all": True, "gradient_penalty": 0.1},
         {"task_gradient_penalty": 0.1},
+        {"penalty_above": 5.0},
         {"cross_weight": 0.3, "cross_reaches_task": False, "cross_demonstrations": 1.0},
         {"uses_density": False, "demonstrations_per_sweep": 2},
         {"centre_density": True, "first_steps": 4},
@@ -127,7 +128,7 @@ def test_presets_are_consistent() -> None:
     assert config.discriminator.cross_weight > 0.0
     printed = as_printed(config).discriminator
     assert (printed.cross_weight, printed.penalise_all) == (0.0, False)
-    assert (printed.gradient_penalty, printed.task_gradient_penalty) == (0.0, 0.0)
+    assert (printed.gradient_penalty, printed.task_gradient_penalty, printed.penalty_above) == (0, 0, 1)
     strokes = table_tennis(("position",), ("speed",))
     strokes = replace(strokes, sweeps=1, episodes=3, cloning=replace(strokes.cloning, steps=10))
     run(strokes, sweeps=1, clone=True)

@@ -104,10 +104,24 @@ def test_regulariser_norm_square_and_weight() -> None:
     strategy = torch.tensor([[1.0, -3.0], [0.5, 0.5]])
     torch.testing.assert_close(strategy_regulariser(strategy, Penalty.SQUARE), torch.tensor([5.0, 0.25]))
     torch.testing.assert_close(strategy_regulariser(strategy, Penalty.NORM), torch.tensor([2.0, 0.5]))
+    above = strategy_regulariser(strategy, Penalty.SQUARE, above=3.0)
+    torch.testing.assert_close(above, torch.tensor([(3.0 + 9.0) / 2.0, 0.75]))
     logit = torch.zeros(2, 4)
     with_weights = distillation_loss(logit, logit, strategy, torch.tensor([1.0, 2.0]), Penalty.SQUARE)
     expected = airl_loss(logit, logit) + torch.tensor([5.0, 0.5])
     torch.testing.assert_close(with_weights, expected)
+
+
+def test_cheapest_task_reward_is_mean_or_nears_the_upper_envelope() -> None:
+    combined = torch.tensor([[-4.0], [0.0], [1.0]])  # R_i of three strategies in one state
+    candidates = torch.linspace(-4.0, 1.0, 501)
+
+    def cheapest(above: float) -> float:
+        cost = [strategy_regulariser(combined - task, Penalty.SQUARE, above).sum() for task in candidates]
+        return float(candidates[int(torch.stack(cost).argmin())])
+
+    assert cheapest(1.0) == pytest.approx(-1.0, abs=0.02)
+    assert cheapest(1.0) < cheapest(5.0) < cheapest(50.0) < 1.0
 
 
 def test_gradient_penalty_of_a_known_function() -> None:

@@ -124,6 +124,9 @@ class DiscriminatorConfig:
         Adam; the rate falls linearly to the given share over the planned sweeps.
     penalty, penalty_weight
         Regulariser of S_i and lambda_i; None sets lambda_i = alpha_i, the paper's text.
+    penalty_above
+        Factor on the regulariser of positive S_i: 1 (the paper) makes R0 the mean of what strategies want,
+        more moves it towards what any of them wants, so that S_i says what i forgoes.
     task_penalty_weight
         lambda_0 of E[R0^2], over the other strategies' transitions as well where there are cross-negatives
         (0 is the paper; the authors' code has one). Where generators pile up and demonstrations never go,
@@ -160,6 +163,7 @@ class DiscriminatorConfig:
     weight_decay: float = 1e-4
     penalty: Penalty = Penalty.SQUARE
     penalty_weight: float | None = 0.01
+    penalty_above: float = 1.0
     task_penalty_weight: float = 0.0
     penalise_all: bool = False
     cross_weight: float = 0.0

@@ -38,9 +38,19 @@ def airl_loss(demonstration_logit: Tensor, generated_logit: Tensor) -> Tensor:
     return softplus(-demonstration_logit).mean(dim=1) + softplus(generated_logit).mean(dim=1)
 
 
-def strategy_regulariser(strategy: Tensor, penalty: Penalty) -> Tensor:
-    """``E ||S_i||`` of Equation 7 (of R_i - R0 in Equation 5), ``[S]``."""
-    return (strategy.square() if penalty is Penalty.SQUARE else strategy.abs()).mean(dim=1)
+def strategy_regulariser(strategy: Tensor, penalty: Penalty, above: float = 1.0) -> Tensor:
+    """``E ||S_i||`` of Equation 7 (of R_i - R0 in Equation 5), ``[S]``.
+
+    Parameters
+    ----------
+    above
+        Factor on positive values. With squares, the R0 that is cheapest in a state is an expectile of the
+        R_i there: their mean for 1 (the paper), towards their upper envelope for more.
+    """
+    size = strategy.square() if penalty is Penalty.SQUARE else strategy.abs()
+    if above != 1.0:
+        size = torch.where(strategy > 0.0, above * size, size)
+    return size.mean(dim=1)
 
 
 def distillation_loss(
@@ -49,6 +59,7 @@ def distillation_loss(
     strategy: Tensor,
     weight: Tensor | float,
     penalty: Penalty,
+    above: float = 1.0,
 ) -> Tensor:
     """MSRD's loss (paper, Equation 7; with S_i = R_i - R0, Equation 6), ``[S]``.
 
@@ -60,8 +71,11 @@ def distillation_loss(
         ``[S, N']`` values of S_i on the states over which the regulariser's expectation runs.
     weight
         lambda_i; the paper sets it to alpha_i.
+    above
+        Factor on positive values of S_i, see `strategy_regulariser`.
     """
-    return airl_loss(demonstration_logit, generated_logit) + weight * strategy_regulariser(strategy, penalty)
+    regulariser = strategy_regulariser(strategy, penalty, above)
+    return airl_loss(demonstration_logit, generated_logit) + weight * regulariser
 
 
 def cross_negative_loss(other_logit: Tensor) -> Tensor:
