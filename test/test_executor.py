@@ -20,13 +20,12 @@ from trajectory_msgs.msg import JointTrajectory
 from msrd_ros.facts.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON
 from msrd_ros.facts.labels import ALL_LABELS
 from msrd_ros.facts.motion_limits import ACCELERATION_LIMIT_RAD_S2
-from msrd_ros.facts.sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, JOINT_NAMES, SPEED_LIMIT_RAD_S
 from msrd_ros.facts.translation import stamp_to_ns
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import bytes_to_message, command_from_message
 from msrd_ros.table_tennis.ball_filter import BallFilter
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.stroke_player import StrokePlayer
 
 pytestmark = pytest.mark.processes

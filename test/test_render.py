@@ -7,8 +7,8 @@ import zlib
 
 import numpy as np
 
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.render import FilmStudio, FilmStyle, film_frames, film_strip, png_bytes
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 
 SMALL = FilmStyle(width=160, height=120)
 BALLS = np.array([[0.5, 0.0, 1.15], [0.0, 0.0, 1.25], [-0.9, -0.1, 0.9]])

@@ -17,12 +17,11 @@ from visualization_msgs.msg import MarkerArray
 
 from msrd_ros.facts.labels import ALL_LABELS, Side
 from msrd_ros.facts.outcome import MissReason
-from msrd_ros.facts.sawyer import JOINT_NAMES, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, JOINT_NAMES, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.facts.translation import stamp_to_ns
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import feed_to_message
 from msrd_ros.table_tennis.feeder import Feed, Feeder
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 
 pytestmark = pytest.mark.processes
 

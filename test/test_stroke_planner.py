@@ -11,7 +11,7 @@ import pytest
 from msrd_ros.facts.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, Side, StrategyLabel, Stroke
-from msrd_ros.facts.sawyer import POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball_path import ball_path, path_at, return_flight
 from msrd_ros.table_tennis.feeder import EASY, NO_SPREAD, STANDARD, Feeder, FeedSpread
 from msrd_ros.table_tennis.hit_solver import RATE, TIME, carry_out, solve_hit
@@ -24,7 +24,6 @@ from msrd_ros.table_tennis.kinematic_rallies import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.kinematics import paddle_pose
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.scene import Scene
 from msrd_ros.table_tennis.stroke_planner import lowest_on_way, planned_strokes, write_strokes

@@ -11,9 +11,8 @@ from msrd_ros.facts.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS
 from msrd_ros.facts.motion_limits import ACCELERATION_LIMIT_RAD_S2
-from msrd_ros.facts.sawyer import POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.feeder import STANDARD, Feeder
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.stroke_planner import planned_strokes
 from msrd_ros.table_tennis.stroke_player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 from msrd_ros.table_tennis.world import World, WorldConfig
@@ -188,27 +187,3 @@ def test_an_arm_that_strays_is_led_on_from_where_it_is() -> None:
     for step in range(16, 3 + HORIZON):
         player.tick(player.reference.position, *at_ball(step))
     assert (player.phase, player.strokes_begun) == (Phase.READYING, 1)
-
-
-def test_goes_back_to_where_the_stroke_began_before_it_goes_to_the_other_side() -> None:
-    """The straight way from the end of a forehand to a backhand's ready pose leads through the table."""
-    forehand, backhand = (planned_strokes()[label] for label in (ALL_LABELS[1], ALL_LABELS[4]))
-    began, goal = forehand.start.position, backhand.start.position
-    world = World(WorldConfig())
-    ended = forehand.at(2.0).position
-    world.rally.reset(ended)
-    player = StrokePlayer(ended)
-    player.prepare(None, goal, by_way_of=began)
-    nearest = np.inf
-    for _ in range(600):
-        tick = world.tick()
-        nearest = min(nearest, float(np.abs(tick.joint_position - began).max()))
-        reference = player.tick(tick.joint_position, tick.ball_position, tick.ball_stamp_ns)
-        world.command(reference.position, reference.velocity, CONTROL_PERIOD_S, None)
-        world.advance(CONTROL_PERIOD_S)
-    arrived = world.rally.joint_position
-    at_rest = world.rally.at_rest
-    world.close()
-    assert nearest < 0.1
-    assert at_rest
-    assert np.array_equal(arrived, goal)

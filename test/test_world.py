@@ -12,9 +12,9 @@ from msrd_ros.experiments.stroke_rollouts import Stroke, play_stroke
 from msrd_ros.facts.episode import CONTROL_PERIOD_S
 from msrd_ros.facts.labels import ALL_LABELS, Side
 from msrd_ros.facts.outcome import MissReason
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.camera import CameraConfig
 from msrd_ros.table_tennis.feeder import STANDARD, Feed, Feeder
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.world import EPOCH_NS, World, WorldConfig
 
 FOREHAND, BACKHAND = ALL_LABELS[0], ALL_LABELS[3]

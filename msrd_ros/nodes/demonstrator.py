@@ -248,7 +248,7 @@ class Demonstrator(StackNode):
         assert self._stroke is not None
         if self._player is None:
             self._player = StrokePlayer(tick.joint_position)
-            self._player.prepare(None, self._stroke.ready_posture, by_way_of=self._came_from)
+            self._player.prepare(None, self._stroke.ready_posture, self._came_from)
         if self._player.phase is PlayerPhase.READY and not np.abs(tick.joint_velocity).max():
             self._enter(Stage.CALLING)
             self._call_teach(True, self._begin_to_show)

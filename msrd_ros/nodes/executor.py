@@ -19,7 +19,7 @@ from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
 from msrd_ros.facts.motion_limits import JointReference
 from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.sawyer import JOINT_NAMES
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, JOINT_COUNT, JOINT_NAMES
 from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
 from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, run, steady_timer
@@ -27,6 +27,7 @@ from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.table_tennis.ball_filter import BallFilter
 from msrd_ros.table_tennis.stroke_player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
+from msrd_ros.table_tennis.way import find_way
 
 START_UP_S = 3.0
 """How long a starting executor looks for another one that is already there."""
@@ -76,6 +77,8 @@ class Executor(StackNode):
         self._enabled = self.config.enabled
         self._player: StrokePlayer | None = None
         self._ball_filter: BallFilter | None = None
+        # Compiled before an arm moves: the first time after an installation it takes seconds.
+        find_way(JointReference(HOME_POSTURE_RAD, np.zeros(JOINT_COUNT)), HOME_POSTURE_RAD)
         if self.config.estimate_ball:
             BallFilter.compile_ahead()
         self._policies: StrokePolicies | None = None

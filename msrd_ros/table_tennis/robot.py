@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.motion_limits import JointReference
-from msrd_ros.facts.sawyer import JOINT_COUNT, JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD
+from msrd_ros.facts.sawyer import (
+    HOME_POSTURE_RAD,
+    JOINT_COUNT,
+    JOINT_NAMES,
+    POSITION_LOWER_RAD,
+    POSITION_UPPER_RAD,
+)
 from msrd_ros.table_tennis.bullet_arm import BulletArm, LimitLog
 from msrd_ros.table_tennis.dynamics import inverse_dynamics
 from msrd_ros.table_tennis.joint_driver import JointDriver
@@ -23,10 +29,6 @@ Array = NDArray[np.float64]
 
 STEP_S = 0.001
 """Step of Bullet, of the joints' driver and of the ball."""
-
-HOME_POSTURE_RAD: Array = np.array([0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161])
-"""Sawyer's published neutral posture."""
-HOME_POSTURE_RAD.setflags(write=False)
 
 _REST_POSITION_RAD = 2e-3
 _REST_VELOCITY_RAD_S = 5e-3

@@ -21,12 +21,11 @@ from msrd_ros.facts.episode import CONTROL_PERIOD_S
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import ALL_LABELS, Side, StrategyLabel
 from msrd_ros.facts.motion_limits import JointReference, shape_command, velocity_towards
-from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.feeder import Feeder
 from msrd_ros.table_tennis.hit_solver import POSITION, RATE, TIME, solve_hit
 from msrd_ros.table_tennis.joint_stroke import JointStroke, stroke_from_rest
 from msrd_ros.table_tennis.kinematics import link_frames, paddle_pose
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.scene import Scene
 from msrd_ros.table_tennis.stroke_side import (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 
 import numpy as np
@@ -14,17 +14,14 @@ from msrd_ros.facts.motion_limits import (
     LOWEST_RAD,
     JointReference,
     shape_command,
-    velocity_towards,
 )
 from msrd_ros.facts.translation import BallTracker
+from msrd_ros.table_tennis.way import find_way, follow_way
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (13,) to an action (7,)."""
 
 READY_TOLERANCE_RAD = 1e-5
-PASSING_TOLERANCE_RAD = 0.05
-"""So near to a pose on the way the arm turns towards the next."""
-
 TRACKING_TOLERANCE_RAD = 0.25
 """A joint further than this from its command has met something."""
 
@@ -63,8 +60,8 @@ class StrokePlayer:
         self._tracking_tolerance_rad = tracking_tolerance_rad
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = joint_position.copy()
-        self._away = False
-        self._passing: NDArray[np.float64] | None = None
+        self._began_at: tuple[NDArray[np.float64], ...] = ()
+        self._way: Sequence[NDArray[np.float64]] = ()
         self._ball = BallTracker()
         self._step = 0
 
@@ -82,12 +79,9 @@ class StrokePlayer:
         self,
         policy: PolicyFunction | None,
         ready_pose: NDArray[np.float64],
-        by_way_of: NDArray[np.float64] | None = None,
+        began_at: NDArray[np.float64] | None = None,
     ) -> None:
         """Take the strategy to play next; only between strokes.
-
-        After a stroke the arm goes back to where that began before it goes on: the straight way from the
-        end of a forehand to a backhand's ready pose may lead through the table.
 
         Parameters
         ----------
@@ -95,16 +89,14 @@ class StrokePlayer:
             What to play; None lets balls through.
         ready_pose
             Where to wait for the ball, shape (7,), rad; what lies outside the joints' limits is drawn in.
-        by_way_of
-            A pose (7,) to pass on the way, for an arm whose last stroke someone else led.
+        began_at
+            Where the arm's last stroke began, shape (7,), rad, if someone else led it.
         """
-        if by_way_of is not None:
-            self._passing = np.array(by_way_of, dtype=np.float64)
-        elif self._passing is None and self._away:
-            self._passing = self._ready_pose
+        if began_at is not None:
+            self._began_at = (began_at,)
         self._policy = policy
         self._ready_pose = np.clip(ready_pose, LOWEST_RAD, HIGHEST_RAD)
-        self.phase = Phase.READYING
+        self._set_out()
 
     def tick(
         self,
@@ -137,7 +129,7 @@ class StrokePlayer:
         if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
             self.phase, self._step = Phase.STROKE, 0
             self.strokes_begun += 1
-            self._away = True
+            self._began_at = (self._ready_pose,)
         if self.phase is Phase.STROKE:
             assert self._policy is not None
             action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
@@ -154,7 +146,10 @@ class StrokePlayer:
         error = float(np.abs(joint_position - self.reference.position).max())
         if error > self._tracking_tolerance_rad:
             self.reference = JointReference(joint_position.copy(), np.zeros(7))
-            self.phase = Phase.RESTING if self.phase in (Phase.STROKE, Phase.RESTING) else Phase.READYING
+            if self.phase in (Phase.STROKE, Phase.RESTING):
+                self.phase = Phase.RESTING
+            else:
+                self._set_out()
         return error
 
     def hold(self, period_s: float = CONTROL_PERIOD_S) -> JointReference:
@@ -163,21 +158,20 @@ class StrokePlayer:
         self.reference = shape_command(self.reference, np.zeros(7), period_s)
         return self.reference
 
+    def _set_out(self) -> None:
+        """Make for the ready pose: the straight way from the end of a stroke may lead through the table."""
+        self._way = find_way(self.reference, self._ready_pose, self._began_at)
+        self.phase = Phase.READYING
+
     def _move_to_ready(self, period_s: float) -> None:
-        if self._passing is not None:
-            wanted = velocity_towards(self.reference, self._passing, period_s)
-            self.reference = shape_command(self.reference, wanted, period_s)
-            if np.abs(self.reference.position - self._passing).max() < PASSING_TOLERANCE_RAD:
-                self._passing = None
-            return
-        wanted = velocity_towards(self.reference, self._ready_pose, period_s)
-        reference = shape_command(self.reference, wanted, period_s)
+        under_way = bool(self._way)
+        reference, self._way = follow_way(self.reference, self._way, self._ready_pose, period_s)
         close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
         slow = np.abs(reference.velocity).max() * period_s < READY_TOLERANCE_RAD
-        if close and slow:
+        if close and slow and not under_way:
             # Land exactly, so that every stroke from this pose starts from the same numbers.
             reference = JointReference(self._ready_pose.copy(), np.zeros(7))
-            self.phase, self._away = Phase.READY, False
+            self.phase, self._began_at = Phase.READY, ()
         self.reference = reference
 
     def _count(self) -> None:
@@ -185,6 +179,6 @@ class StrokePlayer:
             return
         self._step += 1
         if self._step >= HORIZON - 1:
-            self.phase = Phase.READYING
+            self._set_out()
         elif self._step >= ACTING_STEPS:
             self.phase = Phase.RESTING

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from msrd_ros.facts.labels import Side, StrategyLabel
 from msrd_ros.facts.outcome import MissReason, Outcome
+from msrd_ros.facts.sawyer import HOME_POSTURE_RAD
 from msrd_ros.facts.translation import NANOSECONDS
 from msrd_ros.table_tennis.camera import Camera, CameraConfig
 from msrd_ros.table_tennis.feeder import Feed, Feeder
 from msrd_ros.table_tennis.rally import Rally, RallyConfig
-from msrd_ros.table_tennis.robot import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.teaching import HandGesture
 
 EPOCH_NS = NANOSECONDS
