@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -82,15 +83,25 @@ class NodeProcess:
             If it or one of `others` fails; names it and its log.
         """
         while True:
-            try:
-                code = self._process.wait(0.2)
-            except subprocess.TimeoutExpired:
-                for other in others:
-                    other.require_alive()
-                continue
-            if code:
-                raise UserError(f"{self.name} failed with exit status {code}{self._where()}")
-            return
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(0.2)
+            if self.has_ended():
+                return
+            for other in others:
+                other.require_alive()
+
+    def has_ended(self) -> bool:
+        """Whether it has done its work.
+
+        Raises
+        ------
+        UserError
+            If it has failed; names it and its log.
+        """
+        code = self._process.poll()
+        if code:
+            raise UserError(f"{self.name} failed with exit status {code}{self._where()}")
+        return code == 0
 
     def require_alive(self) -> None:
         """Complain if it has ended.

@@ -52,6 +52,24 @@ def training_curves(metrics: dict[str, Any]) -> Figure:
     return figure
 
 
+def exchange(curve: list[dict[str, Any]]) -> Figure:
+    """Returned shares while the policies were being exchanged."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(8, 3.2))
+    seconds = [point["seconds"] for point in curve]
+    for name, marker in (("struck", "^"), ("returned", "o")):
+        shares = [100 * point[name] / point["fed"] for point in curve]
+        axes.plot(seconds, shares, marker=marker, label=name)
+    axes.set_xlabel("seconds since the first policies were in force")
+    axes.set_ylabel("balls, %")
+    axes.set_ylim(0, 103)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.tight_layout()
+    return figure
+
+
 def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
     """Strategy matrices of the first seed, of every method that has one."""
     import matplotlib.pyplot as plt

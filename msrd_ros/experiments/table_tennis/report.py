@@ -56,6 +56,7 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     )
     _films(report, metrics, folder)
     _robustness(report, metrics)
+    _over_topics(report, metrics)
     _conditions(report, metrics)
     path = folder / "report.html"
     report.write(path)
@@ -287,6 +288,28 @@ def _robustness(report: Report, metrics: dict[str, Any]) -> None:
         "MSRD's policies, not trained for it but for the last column: those were trained on feeds 1.5 times "
         "as wide, 3 mm of noise and delays of up to 20 ms (first seed only). Estimator: the ball's launch is "
         "fitted to all samples so far and flown to the present moment, instead of raw samples' differences.",
+    )
+
+
+def _over_topics(report: Report, metrics: dict[str, Any]) -> None:
+    if "hot_swap" not in metrics:
+        return
+    labels, live, curve = metrics["labels"], metrics["plan"]["live"], metrics["hot_swap"]
+    report.heading("Over topics")
+    report.table(
+        ["rollouts from", *labels],
+        [
+            [name, *(f"{row[label]['returned']} of {row[label]['fed']}" for label in labels)]
+            for name, row in metrics["over_topics"].items()
+        ],
+        f"Returned in Bullet after {live['sweeps']} sweeps of {live['episodes']} rollouts a strategy: every "
+        "rollout through executor and simulator nodes in lockstep, beside the batched simulator, same seed.",
+    )
+    report.figure(
+        figures.exchange(curve),
+        f"A trainer improves policies while the robot plays them: {curve[-1]['policies']} sets were "
+        f"exchanged between strokes. Each point is {curve[0]['fed']} balls of the evaluator; the last one "
+        "after training.",
     )
 
 

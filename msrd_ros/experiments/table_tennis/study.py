@@ -18,6 +18,12 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from msrd_ros.experiments.table_tennis.judging import judge, undone_pairs
+from msrd_ros.experiments.table_tennis.live import (
+    Lesson,
+    LivePlan,
+    exchange_while_playing,
+    learn_with_rollouts,
+)
 from msrd_ros.experiments.table_tennis.methods import (
     MAIN_METHODS,
     Budget,
@@ -71,6 +77,8 @@ class StudyPlan:
         Rows of the table; the supplement comes last and on the first seed only.
     conditions
         Rows of the robustness table; None takes all.
+    live
+        What is learned and played over topics; None leaves it out.
     workers
         Processes that play; 0 plays in this one.
     """
@@ -90,6 +98,7 @@ class StudyPlan:
         Method.AIRL_EACH_CROSS,
     )
     conditions: tuple[str, ...] | None = None
+    live: LivePlan | None = field(default_factory=LivePlan)
     workers: int = 2
 
     @classmethod
@@ -111,6 +120,7 @@ class StudyPlan:
             robustness_balls=1,
             supplement=(),
             conditions=("60 Hz, 3 mm, 20 ms, 10 % lost, estimator", "masses +10 %"),
+            live=None,
             workers=0,
         )
 
@@ -130,14 +140,15 @@ class Study:
 
     def __init__(self, plan: StudyPlan, folder: Path, progress: Progress) -> None:
         self.plan = plan
+        self._home = folder
         self._runs = folder / "runs"
         self._films = folder / "films"
         self._progress = progress
-        bags = shipped_bags()
+        self._bags = shipped_bags()
         if plan.subjects:
-            bags = folder / "bags"
-            record(bags, folder / "logs", plan.subjects, plan.recordings, progress)
-        self.data: StudyData = split(load_episodes(bags, progress), plan.held_out)
+            self._bags = folder / "bags"
+            record(self._bags, folder / "logs", plan.subjects, plan.recordings, progress)
+        self.data: StudyData = split(load_episodes(self._bags, progress), plan.held_out)
         self._pairs = undone_pairs(self.data, 0)
         self._configs: dict[Method, dict[str, Any]] = {}
 
@@ -155,6 +166,7 @@ class Study:
                 randomised = self._robustness(Method.MSRD_RANDOMISED, range(1), table)
             for method in plan.supplement:
                 rows.setdefault(method, []).append(self._row(method, 0, table))
+            over_topics = self._over_topics(plan.live, table) if plan.live else {}
         labels = [str(label) for label in ALL_LABELS]
         methods = {method.value: method_metrics(found, labels) for method, found in rows.items()}
         if Method.FROZEN_REWARD in methods and Method.BEHAVIOUR_CLONING in methods:
@@ -169,6 +181,7 @@ class Study:
             "methods": methods,
             "robustness": robustness_metrics(robustness, labels),
             "robustness_randomised": robustness_metrics(randomised, labels),
+            **over_topics,
             "subjects": {
                 name: sorted({episode.subject for episode in part})
                 for name, part in (("training", self.data.training), ("held_out", self.data.held_out))
@@ -228,6 +241,23 @@ class Study:
                     write_atomically(path, json.dumps(report).encode())
                 rows[name].append(json.loads(path.read_text()))
         return rows
+
+    def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
+        """Learning through the nodes beside the same in the batched simulator, and the exchange's curve."""
+        subjects = tuple(sorted({episode.subject for episode in self.data.training}))
+        lesson = Lesson(self._bags, subjects, self._home, TRAINING_SEED)
+        path = self._runs / f"live-{_key(asdict(live), self.data.digest)}.json"
+        if path.exists():
+            return dict(json.loads(path.read_text()))
+        rates, balls = {}, self.plan.robustness_balls
+        for rollouts in ("batched", "topics"):
+            policies = StrokePolicies.load(learn_with_rollouts(lesson, live, rollouts, self._progress))
+            played = self._play(table, LearnedStrokes(policies), balls, EVALUATION_SEED, Conditions())
+            rates[rollouts] = evaluation_report(played, balls, self.data.landing_points)["rates"]
+        curve = exchange_while_playing(lesson, live, self._progress)
+        found = {"over_topics": rates, "hot_swap": curve}
+        write_atomically(path, json.dumps(found).encode())
+        return found
 
     def _play(
         self, table: Table, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions
