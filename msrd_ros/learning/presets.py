@@ -19,25 +19,31 @@ from msrd_ros.learning.value import ValueConfig
 
 
 def inverted_pendulum() -> MSRDConfig:
-    """Inverted pendulum: cloned start, small trust region, replay, cross-negatives, gradient penalty."""
+    """Inverted pendulum: cloned start, small trust region, replay, cross-negatives, slope penalties."""
     features = FeatureConfig(scales=(0.5, 0.3, 1.0, 2.0))
     return MSRDConfig(
-        sweeps=60,
+        sweeps=80,
         episodes=1,
         policy_reward=PolicyReward.LOGIT,
         reward=RewardConfig(task_features=features, strategy_features=features),
         discriminator=DiscriminatorConfig(
             batch=128,
             learning_rate=4e-3,
-            penalty_weight=0.01,
-            penalise_all=True,
+            # R0 has to explain all that it can, or each S_i explains a part of falling once more; and it must
+            # not punish the swaying of four strategies for the stillness of sixteen.
+            penalty_weight=0.2,
+            penalty_above=8.0,
             cross_batch=128,
-            cross_weight=0.3,
-            gradient_penalty=0.03,
+            cross_weight=1.5,
+            # A small one: with .1 neighbours a few centimetres apart blur, without any S_i saturates.
+            gradient_penalty=0.015,
+            # A large one: within the demonstrations nothing decides R0's slope, and it comes out lopsided.
+            task_gradient_penalty=0.5,
         ),
         replay=ReplayConfig(replay_share=0.25, snapshot_share=0.25),
         policy=PolicyConfig(features=features),
-        trust_region=TrustRegionConfig(kl=0.01),
+        # Policies that wander off faster than the rewards learn lose the contrast with their neighbours.
+        trust_region=TrustRegionConfig(kl=0.001),
         value=ValueConfig(hidden=(32, 32), steps=5, batch=256, sees_time=False, bootstrap=True),
         cloning=CloningConfig(steps=800, batch=128, snapshots=(0, 20, 40, 80, 160, 320)),
     )

@@ -186,9 +186,7 @@ class RewardTraining:
         # Without the two columns there is nothing to distil: AIRL has no regulariser in the paper.
         distils = rewards.form in (RewardForm.TWO_COLUMN, RewardForm.VANILLA)
         weight = self._penalty_weight if distils else 0.0
-        loss = distillation_loss(
-            demonstrated, generated, scope, weight, config.penalty, config.penalty_above
-        )
+        loss = distillation_loss(demonstrated, generated, scope, weight, config.penalty, config.penalty_above)
         if config.task_penalty_weight > 0.0:
             shared = values.combined if rewards.form is RewardForm.STRATEGY_ONLY else values.task
             loss = loss + config.task_penalty_weight * shared.square().mean(dim=1)

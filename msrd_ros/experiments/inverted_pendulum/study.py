@@ -90,7 +90,7 @@ class StudyPlan:
 
     seeds: int = 5
     other_truth_seeds: int = 1
-    budget: Budget = field(default_factory=Budget)
+    budget: Budget = field(default_factory=lambda: Budget(sweeps=80))
     demonstrations: int = 20
     test_repeats: int = 2
     test_clean: int = 5
