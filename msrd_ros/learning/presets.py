@@ -50,7 +50,7 @@ def inverted_pendulum() -> MSRDConfig:
 
 
 def hopper(feature_names: tuple[str, ...], feature_scales: tuple[float, ...]) -> MSRDConfig:
-    """Hopper, hop and crawl: as the pendulum, with wider policies.
+    """Hopper, hop and crawl: small reward networks, a price on R0, and many bad examples.
 
     Parameters
     ----------
@@ -59,24 +59,37 @@ def hopper(feature_names: tuple[str, ...], feature_scales: tuple[float, ...]) ->
     """
     features = FeatureConfig(names=feature_names, scales=feature_scales)
     return MSRDConfig(
-        sweeps=60,
-        episodes=1,
+        sweeps=30,
+        episodes=2,
         policy_reward=PolicyReward.LOGIT,
-        reward=RewardConfig(task_features=features, strategy_features=features),
+        # Wider networks fit demonstrated trajectories no better, and gaits that nobody demonstrated worse:
+        # task r .81 with 64-64, .90 with 32-32, .94 with 16-16 (no price on R0 yet).
+        reward=RewardConfig(hidden=(16, 16), task_features=features, strategy_features=features),
         discriminator=DiscriminatorConfig(
             batch=256,
             learning_rate=4e-3,
-            penalty_weight=0.01,
-            penalise_all=True,
+            penalty_weight=0.003,
+            # Without it R0 gave a fallen hop, of which negatives have plenty, far less than a flailing one of
+            # the same speed, and all the speeds of a crawl less than half the range of a hop: r .93 for .97.
+            task_penalty_weight=0.1,
             cross_batch=256,
-            cross_weight=0.3,
-            gradient_penalty=0.01,
+            cross_weight=1.0,
+            gradient_penalty=0.1,
+            centre_density=True,
+            density_bounds=(-10.0, 10.0),
         ),
-        replay=ReplayConfig(keep=512, replay_share=0.25, snapshot_share=0.25),
+        # Generators start near the demonstrators and stay there: only bad examples show what R0 is about.
+        replay=ReplayConfig(keep=512, replay_share=0.15, snapshot_share=0.75),
         policy=PolicyConfig(hidden=(64, 64), std=0.15, std_max=0.2, features=features),
         trust_region=TrustRegionConfig(kl=0.01),
         value=ValueConfig(hidden=(64, 64), steps=10, sees_time=False, bootstrap=True),
-        cloning=CloningConfig(steps=800, batch=128, snapshots=(0, 20, 40, 80, 160, 320)),
+        cloning=CloningConfig(
+            steps=800,
+            batch=128,
+            snapshots=(0, 40, 160),
+            disturbances=(0.3, 0.6, 1.0, 3.0),
+            snapshot_episodes=2,
+        ),
     )
 
 

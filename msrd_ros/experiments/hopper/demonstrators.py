@@ -10,7 +10,7 @@ import json
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.resources import files
 from itertools import product
 from pathlib import Path
@@ -188,6 +188,7 @@ class Demonstrators:
     others: GaussianPolicies
     truth: PosteriorTruth
     report: dict[str, Any]
+    _played: dict[tuple[int, int, int], Demonstrations] = field(default_factory=dict, repr=False)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -195,10 +196,18 @@ class Demonstrators:
         return LABELS
 
     def demonstrate(self, count: int, seed: int, horizon: int = 1000) -> Demonstrations:
-        """Play `count` episodes of each strategy, stochastically, as maximum-entropy experts do."""
+        """Play `count` episodes of each strategy, stochastically, as maximum-entropy experts do.
+
+        All methods ask for the same ones; the latest are kept, for playing them takes seconds.
+        """
+        if (count, seed, horizon) in self._played:
+            return self._played[count, seed, horizon]
         collector = BatchedCollector(Hopper(horizon))
         played = collector.collect(self.policies, count, np.random.default_rng(seed))
-        return Demonstrations(played.observations, played.actions, hopper_layout(LABELS))
+        demonstrations = Demonstrations(played.observations, played.actions, hopper_layout(LABELS))
+        self._played.clear()
+        self._played[count, seed, horizon] = demonstrations
+        return demonstrations
 
 
 def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda line: None) -> Demonstrators:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +49,9 @@ class StudyPlan:
 
     seeds: int = 5
     pairs: tuple[str, ...] = PAIRS
-    budget: Budget = field(default_factory=Budget)
+    budget: Budget = field(default_factory=lambda: Budget(sweeps=30, episodes=2, horizon=500))
     demonstrations: int = 10
-    test_repeats: int = 3
+    test_repeats: int = 2
     test_clean: int = 5
     test_unseen: int = 1
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
@@ -99,15 +100,16 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
     """
-    scores: dict[str, dict[str, list[Any]]] = {}
-    for pair in plan.pairs:
-        runs = plan.runs(pair, folder, progress)
-        for repetition in range(plan.seeds):
-            test: GaitTestSet | None = None
+    marks: dict[tuple[str, int, Method], dict[str, Any]] = {}
+    for repetition in range(plan.seeds):
+        for pair in plan.pairs:
+            runs, test = plan.runs(pair, folder, progress), None
             for method in Method:
-                result, test = _marks(plan, runs, method, repetition, test)
-                for name, value in result.items():
-                    scores.setdefault(method.value, {}).setdefault(name, []).append(value)
+                marks[pair, repetition, method], test = _marks(plan, runs, method, repetition, test)
+    scores: dict[str, dict[str, list[Any]]] = {method.value: {} for method in Method}
+    for pair, repetition, method in product(plan.pairs, range(plan.seeds), Method):
+        for name, value in marks[pair, repetition, method].items():
+            scores[method.value].setdefault(name, []).append(value)
     transfer = {}
     if plan.transfer is not None:
         transfer = {pair: _transfer(plan.transfer, plan.runs(pair, folder, progress)) for pair in plan.pairs}
