@@ -20,14 +20,14 @@ import numpy as np
 import torch
 
 from msrd_ros.experiments.inverted_pendulum.demonstrators import Kind, cached_demonstrators
-from msrd_ros.experiments.inverted_pendulum.study import PENDULUM
+from msrd_ros.experiments.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.experiments.virtual_studies.evaluation import (
     correlation,
     make_test_set,
     mean_over,
     normalised,
 )
-from msrd_ros.experiments.virtual_studies.methods import Budget, Method, from_rewards, make_trainer
+from msrd_ros.experiments.virtual_studies.methods import Method, from_rewards, make_trainer
 
 LEVELS = (0.9, 0.95)
 
@@ -60,7 +60,7 @@ def main() -> None:
     data = demonstrators.demonstrate(20, seed=9400)
     test = make_test_set(PENDULUM, demonstrators, 9401)
     truth = normalised(test.task_truth)
-    budget = Budget()
+    budget = StudyPlan().budget
     for method in (Method.AIRL, Method.MSRD):
         trainer = make_trainer(PENDULUM, method, data, budget, 9402)
         times, steps, correlations = [], [], []

@@ -21,7 +21,7 @@ from msrd_ros.experiments.inverted_pendulum.study import PENDULUM
 from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.experiments.reproduce import main
 from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
-from msrd_ros.experiments.virtual_studies.methods import Estimate, Method
+from msrd_ros.experiments.virtual_studies.methods import Budget, Estimate, Method, train
 from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
 
@@ -75,6 +75,18 @@ def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[P
     second = json.loads((folder / "metrics.json").read_text())
     assert second["methods"] == first["methods"]
     assert time.process_time() - started < 0.7 * quick[1]
+
+
+@pytest.mark.parametrize("method", [Method.MSRD, Method.AIRL, Method.CLASSIFIER])
+def test_same_seed_same_numbers(method: Method) -> None:
+    data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
+    budget = Budget(sweeps=2, episodes=1, horizon=200, cloning_steps=20, classifier_steps=20)
+    first, again, other = (train(PENDULUM, method, data, budget, seed).tensors() for seed in (3, 3, 4))
+    names = [name for name in first if name.endswith("weights.0")]
+    assert names
+    for name in set(first) - {"cost"}:
+        assert torch.equal(first[name], again[name]), name
+    assert not all(torch.equal(first[name], other[name]) for name in names)
 
 
 @pytest.mark.parametrize(
