@@ -20,7 +20,7 @@ from msrd_ros.facts.errors import UserError
 Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
 """A study's numbers, and what writes its report from them."""
 
-STUDIES = ("inverted_pendulum", "table_tennis")
+STUDIES = ("inverted_pendulum", "hopper", "table_tennis")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -86,7 +86,11 @@ def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool) -> None:
     try:
         import torch
 
-        study = {"inverted_pendulum": _inverted_pendulum, "table_tennis": _table_tennis}[name]
+        study = {
+            "inverted_pendulum": _inverted_pendulum,
+            "hopper": _hopper,
+            "table_tennis": _table_tennis,
+        }[name]
         torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
         started = time.monotonic()
         metrics, write_report = study(folder, seeds, quick)
@@ -104,6 +108,17 @@ def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool) -> None:
 def _inverted_pendulum(folder: Path, seeds: int | None, quick: bool) -> Finished:
     from msrd_ros.experiments.inverted_pendulum.report import write_report
     from msrd_ros.experiments.inverted_pendulum.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    metrics = run_study(plan, folder / "runs", _ticker())
+    return metrics, lambda found: write_report(found, plan, folder)
+
+
+def _hopper(folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.experiments.hopper.report import write_report
+    from msrd_ros.experiments.hopper.study import StudyPlan, run_study
 
     plan = StudyPlan.quick() if quick else StudyPlan()
     if seeds is not None:

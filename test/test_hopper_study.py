@@ -1,0 +1,163 @@
+"""The Hopper study: its demonstrators, its marks, and the quick version as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("gymnasium")
+pytest.importorskip("mujoco")
+
+from msrd_ros.experiments.hopper.demonstrators import (
+    PAIRS,
+    TUNING_PAIR,
+    GaitReward,
+    Recipe,
+    cached_demonstrators,
+    choose_pair,
+    extrinsic,
+    hopper_features,
+    load_demonstrators,
+    save_demonstrators,
+)
+from msrd_ros.experiments.hopper.environment import FEATURE_NAMES, is_healthy, mean_speed
+from msrd_ros.experiments.hopper.evaluation import judge, make_gait_test_set
+from msrd_ros.experiments.hopper.task import preset
+from msrd_ros.experiments.reproduce import main
+from msrd_ros.experiments.virtual_studies.methods import Estimate, Method
+from msrd_ros.facts.errors import UserError
+from msrd_ros.learning.diayn import DiaynReward
+from msrd_ros.learning.trajectories import Rollouts
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    folder = tmp_path_factory.mktemp("study")
+    started = time.process_time()
+    assert main(["hopper", "--quick", "--out", str(folder)]) == 0
+    return folder, time.process_time() - started
+
+
+def test_quick_study_takes_less_than_a_minute_of_computing(quick: tuple[Path, float]) -> None:
+    assert quick[1] < 60.0
+
+
+def test_quick_study_writes_every_method_and_a_self_contained_report(quick: tuple[Path, float]) -> None:
+    folder = quick[0]
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["study"] == "hopper"
+    assert metrics["seeds"] == [0]
+    assert set(metrics["methods"]) == {method.value for method in Method}
+    for name in ("msrd", "msrd_as_printed", "vanilla_distillation", "airl_each", "airl_each_cross"):
+        scores = metrics["methods"][name]
+        for mark in ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen"):
+            assert -1.0 <= scores[mark][0] <= 1.0
+        assert np.array(scores["strategy_r"]).shape == (1, 2)
+        assert np.array(scores["strategy_r_own"]).shape == (1, 2)
+    steps = [metrics["methods"][name]["env_steps"][0] for name in ("msrd", "airl", "airl_each")]
+    assert len(set(steps)) == 1
+    assert metrics["methods"]["airl"]["strategy_r"] == [None]
+    assert metrics["methods"]["classifier"]["task_r"] == [None]
+    report = (folder / "report.html").read_text()
+    assert report.count("data:image/png;base64") == 2
+    assert 'src="http' not in report
+
+
+def test_quick_study_is_meaningful(quick: tuple[Path, float]) -> None:
+    methods = json.loads((quick[0] / "metrics.json").read_text())["methods"]
+    assert methods["msrd"]["task_r"][0] > 0.6
+    assert min(methods["msrd"]["strategy_r"][0]) > 0.5
+
+
+def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[Path, float]) -> None:
+    folder = quick[0]
+    first = json.loads((folder / "metrics.json").read_text())
+    started = time.process_time()
+    assert main(["hopper", "--quick", "--out", str(folder)]) == 0
+    assert json.loads((folder / "metrics.json").read_text())["methods"] == first["methods"]
+    assert time.process_time() - started < 0.5 * quick[1]
+
+
+@pytest.mark.parametrize("pair", [*PAIRS, TUNING_PAIR])
+def test_cached_pairs_hop_and_crawl_at_near_equal_speed(pair: str, tmp_path: Path) -> None:
+    demonstrators = cached_demonstrators(pair)
+    data = demonstrators.demonstrate(2, seed=77)
+    speed = mean_speed(data.observations).mean(axis=1)
+    assert speed.min() > 1.0
+    assert abs(speed[0] - speed[1]) < 0.15 * speed.max()
+    height = data.observations[..., 1].mean(axis=(1, 2))
+    assert is_healthy(data.observations[0]).mean() > 0.9
+    assert height[0] > 1.0
+    assert height[1] < 0.6
+    save_demonstrators(tmp_path / "d.safetensors", demonstrators)
+    again = load_demonstrators(tmp_path / "d.safetensors")
+    states = torch.as_tensor(data.observations[:, 0, ::100], dtype=torch.float32).reshape(-1, 12)
+    assert torch.equal(again.truth.table(states), demonstrators.truth.table(states))
+    assert torch.equal(again.others.flat(), demonstrators.others.flat())
+    assert again.recipe == demonstrators.recipe
+
+
+def test_pairs_were_trained_apart() -> None:
+    seeds = {cached_demonstrators(pair).recipe.seed for pair in (*PAIRS, TUNING_PAIR)}
+    assert len(seeds) == 3
+
+
+def test_damaged_demonstrators_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "d.safetensors"
+    path.write_bytes(b"nothing of the kind")
+    with pytest.raises(UserError, match=r"d\.safetensors"):
+        load_demonstrators(path)
+
+
+def test_rule_takes_the_fastest_pair_of_near_equal_speed() -> None:
+    speed = np.array([2.0, 3.0, 2.05, 2.9, 1.3, 0.5])
+    hops = np.array([True, True, False, False, False, False])
+    crawls = np.array([False, False, True, False, True, True])
+    assert choose_pair(speed, hops, crawls) == (0, 2)
+    crawls[3] = True
+    assert choose_pair(speed, hops, crawls) == (1, 3)
+    assert choose_pair(speed, hops, np.array([False] * 4 + [True, True])) == (0, 4)
+    with pytest.raises(UserError, match="0 crawls"):
+        choose_pair(speed, hops, np.array([False] * 5 + [True]))
+
+
+def test_upright_trainees_pay_for_falls_and_get_nothing_for_getting_up() -> None:
+    recipe = Recipe(upright=1, free=1, weight=0.0, healthy_bonus=1.0, fall_cost=50.0, speed_cap=2.5)
+    diayn = DiaynReward(
+        2, hopper_features(), (4,), extrinsic, recipe.weight, torch.Generator().manual_seed(0), steps=1
+    )
+    observations = np.zeros((2, 1, 4, 12), dtype=np.float32)
+    observations[..., 1] = [1.2, 1.2, 0.5, 1.2]
+    observations[..., 0] = [0.0, 2.0, 3.0, 4.0]
+    rollouts = Rollouts(observations, np.zeros((2, 1, 3, 3), np.float32), np.zeros((2, 1, 3), np.float32))
+    reward = GaitReward(diayn, recipe).reward(rollouts, None)  # type: ignore[arg-type]
+    assert reward[0, 0].tolist() == pytest.approx([3.0, -47.5, 0.0])
+    assert reward[1, 0].tolist() == pytest.approx([2.0, 3.0, 4.0])
+
+
+def test_the_truth_itself_gets_full_marks_also_on_unseen_gaits() -> None:
+    demonstrators = cached_demonstrators(TUNING_PAIR)
+    test = make_gait_test_set(demonstrators, seed=55, repeats=1, clean=1)
+    truth = Estimate(lambda states: states[:, 0], demonstrators.truth.table, None, {}, 0.0, 0)
+    marks = judge(truth, test)
+    for name in ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen", "task_r_unseen_spearman"):
+        assert marks[name] == pytest.approx(1.0, abs=1e-4)
+    for name in ("strategy_r", "strategy_r_own", "strategy_r_clean", "task_r_each"):
+        assert marks[name] == pytest.approx([1.0, 1.0], abs=1e-4)
+    assert marks["diagonal"] == 2
+
+
+def test_no_network_sees_the_true_reward() -> None:
+    settings = preset()
+    for features in (
+        settings.reward.task_features,
+        settings.reward.strategy_features,
+        settings.policy.features,
+    ):
+        assert features.names == FEATURE_NAMES
+    assert hopper_features().indices.tolist() == list(range(1, 12))
