@@ -40,8 +40,8 @@ class TransferPlan:
         Of initial weights, training and judging.
     """
 
-    sweeps: int = 120
-    episodes: int = 8
+    sweeps: int = 100
+    episodes: int = 6
     horizon: int = 250
     starts: int = 2
     seed: int = 4000
