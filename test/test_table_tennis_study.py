@@ -21,6 +21,7 @@ from msrd_ros.experiments.table_tennis.playing import (
     evaluation_balls,
 )
 from msrd_ros.experiments.table_tennis.recording import StudyData, first_incomplete, load_episodes, split
+from msrd_ros.experiments.table_tennis.report import write_report
 from msrd_ros.experiments.table_tennis.results import pooled
 from msrd_ros.experiments.table_tennis.robustness import robustness_conditions
 from msrd_ros.experiments.table_tennis.statistics import diagonal_wins, friedman
@@ -120,6 +121,27 @@ def test_report_is_self_contained(quick: tuple[Path, float]) -> None:
     assert report.count("data:image/png;base64") >= 4
     assert 'src="http' not in report
     assert "83 %" in report
+
+
+def test_what_was_played_over_topics_stands_in_the_report(
+    quick: tuple[Path, float], metrics: dict, tmp_path: Path
+) -> None:
+    points = [
+        {"seconds": 10.0 * n, "policies": n + 1, "fed": 24, "struck": 24, "returned": 12 + 4 * n}
+        for n in range(4)
+    ]
+    rates = {label: {"fed": 50, "returned": 47} for label in LABELS}
+    live = {"sweeps": 3, "episodes": 7}
+    played = metrics | {
+        "plan": metrics["plan"] | {"live": live},
+        "over_topics": {"batched": rates, "topics": rates},
+        "hot_swap": points,
+    }
+    report = write_report(played, tmp_path).read_text()
+    assert "47 of 50" in report
+    assert "after 3 sweeps of 7 rollouts" in report
+    assert "4 sets were exchanged between strokes. Each point is 24 balls" in report
+    assert "Over topics" not in (quick[0] / "report.html").read_text()
 
 
 def test_second_run_takes_up_the_first_and_gives_the_same_numbers(

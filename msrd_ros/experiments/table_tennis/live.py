@@ -33,8 +33,8 @@ class LivePlan:
         Balls per label in each point of its curve.
     """
 
-    sweeps: int = 12
-    episodes: int = 25
+    sweeps: int = 10
+    episodes: int = 20
     swap_sweeps: int = 40
     swap_every: int = 2
     swap_balls: int = 4
