@@ -80,5 +80,5 @@ def film_strip(axis: Axes, track: NDArray[np.floating]) -> None:
             thickness = 60.0 * float(model.geom_size[geom, 0])
             axis.plot(ends[:, 0], ends[:, 2], color=DARK, lw=thickness, solid_capstyle="round", alpha=0.8)
     axis.axhline(0.0, color=LIGHT, lw=1.0)
-    axis.set(xlim=(-1.0, _FRAMES * _SPACING_M), ylim=(-0.1, 2.0), xticks=[], yticks=[], aspect="equal")
+    axis.set(xlim=(-1.7, _FRAMES * _SPACING_M), ylim=(-0.1, 2.0), xticks=[], yticks=[], aspect="equal")
     axis.spines[:].set_visible(False)
