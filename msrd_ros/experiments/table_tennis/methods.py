@@ -6,6 +6,7 @@ sweeps; every method changes only what its name says.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -58,6 +59,11 @@ MAIN_METHODS = (
 UNPLAYED = (Method.BEHAVIOUR_CLONING, Method.CLONING_WITH_NOISE)
 CORRECTIVE_START = (Method.CLONING_WITH_NOISE, Method.MSRD_CORRECTIVE_START)
 """Cloned with injected joint offsets; everyone else starts from plain cloning."""
+
+PRIOR_WEIGHT = 0.05
+"""What leaving the cloned policy costs under frozen rewards, per nat. Without it strokes that had reached
+97 % fell to 44 in 60 sweeps: a reward that no discriminator corrects any more is followed to where it was
+never told anything. Chosen on seed 100 of another population."""
 
 RANDOMISED: dict[str, Any] = {"spread": "wide", "camera_noise_m": 0.003, "camera_latency_s": 0.02}
 """Training conditions of `Method.MSRD_RANDOMISED`."""
@@ -220,6 +226,9 @@ def learn(
 class FrozenRewardTraining:
     """Cloned policies improved on rewards that stay as they are.
 
+    The reward of a step is ``R_i - PRIOR_WEIGHT * (log pi_i - log pi_i of the clone)``, whose optimum stays
+    near the clone in the sense of the Kullback-Leibler divergence (as in fine-tuning of language models).
+
     Parameters
     ----------
     training
@@ -236,6 +245,7 @@ class FrozenRewardTraining:
         self._trainer = trainer
         self._rewards: RewardModel = trainer.averaged_rewards
         self._rewards.load_state_dict(rewards)
+        self._clone = copy.deepcopy(trainer.policies)
         self._collector = BatchedCollector(training.simulator)
         self._rng = np.random.default_rng((seed, 2))
         self._sweeps = 0
@@ -255,10 +265,15 @@ class FrozenRewardTraining:
         rollouts = self._collector.collect(self._trainer.policies, config.episodes, self._rng)
         self._trainer.environment_steps += rollouts.observations[:, :, 1:, 0].size
         transitions = Transitions.of(
-            torch.as_tensor(rollouts.observations), torch.as_tensor(rollouts.actions)
+            torch.as_tensor(rollouts.observations),
+            torch.as_tensor(rollouts.actions),
+            torch.as_tensor(rollouts.log_probs),
         )
         with torch.no_grad():
+            cloned = self._clone.distribution(transitions.observation)
+            strayed = transitions.log_prob - self._clone.log_prob(cloned, transitions.action)
             reward = self._rewards(transitions).combined
+            reward = reward - PRIOR_WEIGHT * strayed * (1.0 - transitions.passive)
         reward = reward.reshape(*rollouts.actions.shape[:2], -1)
         self._improvement.improve(rollouts, reward, self._sweeps / max(1, config.sweeps - 1))
         self._sweeps += 1

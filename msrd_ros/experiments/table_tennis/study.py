@@ -26,6 +26,7 @@ from msrd_ros.experiments.table_tennis.live import (
 )
 from msrd_ros.experiments.table_tennis.methods import (
     MAIN_METHODS,
+    PRIOR_WEIGHT,
     Budget,
     Learned,
     Method,
@@ -295,7 +296,7 @@ class Study:
         """Where a run is kept: a run is taken up only if nothing about it has changed."""
         settings = [self._config(method)]
         if method is Method.FROZEN_REWARD:
-            settings.append(self._config(Method.MSRD))  # whose rewards they are
+            settings += [self._config(Method.MSRD), {"prior_weight": PRIOR_WEIGHT}]  # whose rewards they are
         key = _key(settings, asdict(self.plan.budget), self.data.digest, method)
         return self._runs / f"{method}-{seed}-{key}"
 
