@@ -49,6 +49,22 @@ def inverted_pendulum() -> MSRDConfig:
     )
 
 
+def inverted_pendulum_as_printed() -> MSRDConfig:
+    """Inverted pendulum with the paper's loss, tuned by itself: without cross-negatives slower policies hurt.
+
+    On a tuning seed: strategy r .45 against .36 at the trust region of `inverted_pendulum`, for AIRL per
+    strategy .59 against .46; lambda .1 gives .48, and without falls a task r of .97 against .66 at .01.
+    """
+    config = inverted_pendulum()
+    return as_printed(
+        replace(
+            config,
+            discriminator=replace(config.discriminator, penalty_weight=0.1),
+            trust_region=replace(config.trust_region, kl=0.01),
+        )
+    )
+
+
 def hopper(feature_names: tuple[str, ...], feature_scales: tuple[float, ...]) -> MSRDConfig:
     """Hopper, hop and crawl: small reward networks, a price on R0, and many bad examples.
 

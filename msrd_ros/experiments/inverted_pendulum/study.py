@@ -27,7 +27,7 @@ from msrd_ros.experiments.virtual_studies.methods import Budget, Method
 from msrd_ros.experiments.virtual_studies.runs import Runs, digest
 from msrd_ros.experiments.virtual_studies.task import VirtualTask
 from msrd_ros.learning.checkpoints import write_atomically
-from msrd_ros.learning.presets import inverted_pendulum
+from msrd_ros.learning.presets import inverted_pendulum, inverted_pendulum_as_printed
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 
 NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
@@ -63,6 +63,7 @@ PENDULUM = VirtualTask(
     has_fallen=has_fallen,
     noise_levels=NOISE_LEVELS,
     telling_column=OBSERVATION_NAMES.index("cart_position"),
+    printed_preset=inverted_pendulum_as_printed,
 )
 
 

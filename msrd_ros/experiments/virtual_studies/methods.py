@@ -96,14 +96,15 @@ class Budget:
 
 def configure(task: VirtualTask, method: Method, budget: Budget) -> MSRDConfig:
     """The settings of a method that plays; AIRL's own changes are in `msrd_ros.learning.airl`."""
-    config = task.preset()
+    printed = method in (Method.MSRD_AS_PRINTED, Method.AIRL_EACH)
+    config = (task.printed_preset if printed and task.printed_preset else task.preset)()
     config = replace(
         config,
         sweeps=budget.sweeps,
         episodes=budget.episodes,
         cloning=replace(config.cloning, steps=budget.cloning_steps),
     )
-    if method in (Method.MSRD_AS_PRINTED, Method.AIRL_EACH):
+    if printed:
         return as_printed(config)
     if method is Method.VANILLA_DISTILLATION:
         return replace(config, reward=replace(config.reward, form=RewardForm.VANILLA))

@@ -98,6 +98,9 @@ class VirtualTask:
         Probabilities of random actions for test trajectories; beyond the last all are alike.
     telling_column
         Column of the observation whose settled mean tells the strategies apart, for the oracle.
+    printed_preset
+        Settings tuned for the paper's loss and AIRL per strategy, of which `as_printed` then takes whatever
+        the paper does not have; None: those of `preset`.
     """
 
     name: str
@@ -111,3 +114,4 @@ class VirtualTask:
     has_fallen: Callable[[Observations], NDArray[np.bool_]]
     noise_levels: tuple[float, ...]
     telling_column: int
+    printed_preset: Callable[[], MSRDConfig] | None = None
