@@ -1,7 +1,7 @@
 """AIRL of the `imitation` library with sb3-contrib's TRPO, for `pendulum_against_imitation.py`.
 
 Runs in an environment of its own, because `imitation` pins old versions:
-``pip install imitation==1.0.1 sb3-contrib==2.2.1 "gymnasium[mujoco]==0.29.1" "mujoco<3"``.
+``pip install imitation==1.0.1 sb3-contrib==2.2.1 "gymnasium[mujoco]==0.29.1" "mujoco<3" imageio``.
 Arguments: the exchange file with demonstrations and test trajectories, the output file, environment steps.
 """
 

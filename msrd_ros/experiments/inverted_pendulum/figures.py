@@ -35,7 +35,7 @@ def reward_curves(estimate: Estimate, test: TestSet) -> Figure:
         label = f"strategy {strategy + 1}, peak at {peaks[strategy]:+.2f}"
         axes[0].plot(angle, own[strategy] - own[strategy].max(), style, color=DARK, lw=1.6, label=label)
     axes[0].set(xlabel="pole angle (rad)", ylabel="reward below its peak")
-    axes[0].legend(frameon=False, fontsize=8)
+    axes[0].legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     time = np.arange(test.clean.shape[2]) * 0.04
     for axis, column, name in ((axes[1], 0, "cart position (m)"), (axes[2], 1, "pole angle (rad)")):
         for strategy in range(test.clean.shape[0]):
