@@ -190,6 +190,7 @@ def as_printed(config: MSRDConfig) -> MSRDConfig:
         cross_weight=0.0,
         gradient_penalty=0.0,
         task_gradient_penalty=0.0,
+        penalty_above=1.0,
         task_penalty_weight=0.0,
         penalise_all=False,
     )
