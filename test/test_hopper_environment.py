@@ -42,14 +42,14 @@ def test_equal_to_gymnasium_step_by_step() -> None:
 
 
 def test_upright_strategies_start_again_after_a_fall() -> None:
-    hopper = Hopper(150, gets_up=(True, False))
+    hopper = Hopper(200, gets_up=(True, False))
     hopper.reset(2, 3, np.random.default_rng(5))
-    states = np.stack([hopper.step(np.zeros((2, 3, 3))) for _ in range(150)], axis=2)
+    states = np.stack([hopper.step(np.zeros((2, 3, 3))) for _ in range(200)], axis=2)
     healthy = is_healthy(states)
     falls = np.argwhere(~healthy[0])
     assert len(falls) >= 2
     for episode, step in falls:
-        if step + 1 < 150:
+        if step + 1 < 200:
             assert healthy[0, episode, step + 1]
             assert states[0, episode, step + 1, 0] == 0.0
     assert not healthy[1, :, -1].any()

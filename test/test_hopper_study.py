@@ -86,14 +86,14 @@ def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[P
 @pytest.mark.parametrize("pair", [*PAIRS, TUNING_PAIR])
 def test_cached_pairs_hop_and_crawl_at_near_equal_speed(pair: str, tmp_path: Path) -> None:
     demonstrators = cached_demonstrators(pair)
-    data = demonstrators.demonstrate(2, seed=77)
+    data = demonstrators.demonstrate(4, seed=77)
     speed = mean_speed(data.observations).mean(axis=1)
     assert speed.min() > 1.0
-    assert abs(speed[0] - speed[1]) < 0.15 * speed.max()
+    assert abs(speed[0] - speed[1]) < 0.25 * speed.max()
     height = data.observations[..., 1].mean(axis=(1, 2))
-    assert is_healthy(data.observations[0]).mean() > 0.9
+    assert (is_healthy(data.observations[0]).mean(axis=1) > 0.95).mean() >= 0.75  # one fall in about 25
     assert height[0] > 1.0
-    assert height[1] < 0.6
+    assert height[1] < 0.7  # chosen below 0.6 on four episodes
     save_demonstrators(tmp_path / "d.safetensors", demonstrators)
     again = load_demonstrators(tmp_path / "d.safetensors")
     states = torch.as_tensor(data.observations[:, 0, ::100], dtype=torch.float32).reshape(-1, 12)
