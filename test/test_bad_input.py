@@ -82,7 +82,7 @@ def error_line(capfd: pytest.CaptureFixture[str], name: str, *parameters: str) -
         ("demonstrator", "subjects:=[1]", ("parameter subjects of demonstrator", "wrong type")),
         (
             "demonstrator",
-            "spread:=wide",
+            "spread:=huge",
             ("parameter spread of demonstrator", "'wide' is unknown", "none, easy, standard"),
         ),
         ("trainer", "labels:=[forehand-lob]", ("parameter labels of trainer", "'forehand-lob'")),
