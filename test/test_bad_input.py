@@ -83,7 +83,7 @@ def error_line(capfd: pytest.CaptureFixture[str], name: str, *parameters: str) -
         (
             "demonstrator",
             "spread:=huge",
-            ("parameter spread of demonstrator", "'wide' is unknown", "none, easy, standard"),
+            ("parameter spread of demonstrator", "'huge' is unknown", "none, easy, standard"),
         ),
         ("trainer", "labels:=[forehand-lob]", ("parameter labels of trainer", "'forehand-lob'")),
         ("trainer", "method:=gail", ("parameter method of trainer", "'gail' is unknown", "msrd, airl")),
