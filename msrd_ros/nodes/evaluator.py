@@ -66,7 +66,7 @@ class Evaluator(StackNode):
         self._connected = False
         self._waiting_for = "command"
         self._since_s = time.monotonic()
-        self._begun_s = time.monotonic()
+        self._begun_s = self._commanded_s = time.monotonic()
         self._strategy = self.create_publisher(Header, "strategy", LATCHED)
         self._feed = self.create_publisher(Odometry, "feed", EVENT)
         self.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
@@ -98,6 +98,7 @@ class Evaluator(StackNode):
         self._waiting_for, self._since_s = "command", time.monotonic()
 
     def _on_command(self, message: JointTrajectory) -> None:
+        self._commanded_s = time.monotonic()
         # The executor serves the strategy; the simulator launches once the arm rests in its ready pose.
         if self._waiting_for != "command" or message.header.frame_id != str(self._label):
             return
@@ -138,6 +139,11 @@ class Evaluator(StackNode):
             )
         if not self.count_publishers("joint_command"):
             raise UserError("no executor: nobody publishes joint_command; start one with a checkpoint")
+        silent_s = time.monotonic() - self._commanded_s
+        if silent_s > 0.5 * self.config.timeout_s:
+            raise UserError(
+                f"no joint_command in {silent_s:.0f} s; check that simulator and executor still run"
+            )
         raise UserError(
             f"the executor does not take up strategy {self._label}; check its checkpoint and its log"
         )
