@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import (
     InvalidParameterTypeException,
@@ -53,6 +52,7 @@ STATE = _reliable(1000)
 
 COMPLAINT_PERIOD_S = 1.0
 MOST_COMPLAINTS = 100
+SHUTDOWN_S = 0.5
 _OWN_PARAMETERS = ("use_sim_time", "start_type_description_service")
 
 
@@ -283,15 +283,16 @@ def run(
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except RCLError:
-        # A signal may shut rclpy down between two steps of the executor, or in the middle of a callback.
-        if rclpy.ok():
-            raise
     except Finished as finished:
         code = finished.exit_code
     except UserError as error:
         print(f"{name}: error: {error}", file=sys.stderr, flush=True)
         code = 2
+    except Exception:
+        # A signal may shut rclpy down between two steps of the executor or in the middle of a callback, which
+        # then ends in an RCLError, or in a RuntimeError where a message was just being taken.
+        if not _is_shut_down():
+            raise
     finally:
         # A second Ctrl-C must not cut the clean-up short.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -306,6 +307,14 @@ def run(
             executor.shutdown(timeout_sec=0)
         rclpy.try_shutdown()
     return code
+
+
+def _is_shut_down() -> bool:
+    """Whether a signal has shut rclpy down; it does so on a thread of its own, which may need a moment."""
+    deadline_s = time.monotonic() + SHUTDOWN_S
+    while rclpy.ok() and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    return not rclpy.ok()
 
 
 def _answer_help(name: str, arguments: list[str], description: str) -> None:
