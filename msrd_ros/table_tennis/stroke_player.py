@@ -61,7 +61,7 @@ class StrokePlayer:
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = joint_position.copy()
         self._began_at: tuple[NDArray[np.float64], ...] = ()
-        self._way: Sequence[NDArray[np.float64]] = ()
+        self._way: Sequence[NDArray[np.float64]] | None = ()
         self._ball = BallTracker()
         self._step = 0
 
@@ -159,11 +159,14 @@ class StrokePlayer:
         return self.reference
 
     def _set_out(self) -> None:
-        """Make for the ready pose: the straight way from the end of a stroke may lead through the table."""
-        self._way = find_way(self.reference, self._ready_pose, self._began_at)
+        """Make for the ready pose, on a way that is found when the arm moves: until then it may change."""
+        self._way = None
         self.phase = Phase.READYING
 
     def _move_to_ready(self, period_s: float) -> None:
+        if self._way is None:
+            # The straight way from the end of a stroke may lead through the table.
+            self._way = find_way(self.reference, self._ready_pose, self._began_at)
         under_way = bool(self._way)
         reference, self._way = follow_way(self.reference, self._way, self._ready_pose, period_s)
         close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
