@@ -7,10 +7,9 @@ makes the files again.
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import product
 from pathlib import Path
@@ -19,9 +18,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.torch import load as load_tensors
-from safetensors.torch import save as save_tensors
 from torch import Tensor
 
 from msrd_ros.experiments.hopper.environment import (
@@ -31,8 +27,9 @@ from msrd_ros.experiments.hopper.environment import (
     is_healthy,
     mean_speed,
 )
+from msrd_ros.experiments.virtual_studies.demonstrator_files import read_demonstrators, write_demonstrators
+from msrd_ros.experiments.virtual_studies.posterior_truth import PosteriorTruth
 from msrd_ros.facts.errors import UserError
-from msrd_ros.learning.checkpoints import write_atomically
 from msrd_ros.learning.diayn import DiaynReward
 from msrd_ros.learning.networks import BatchedMLP, Features
 from msrd_ros.learning.policies import GaussianPolicies, Policies
@@ -143,29 +140,6 @@ def extrinsic(states: Tensor) -> Tensor:
 
 
 @dataclass(frozen=True)
-class PosteriorTruth:
-    """DIAYN's pseudo-reward ``log q(z|s) - log p(z)`` of hop and crawl (paper, Equation 8).
-
-    Attributes
-    ----------
-    posterior
-        q over all strategies of the recipe.
-    strategies
-        Which of them are hop and crawl.
-    """
-
-    posterior: BatchedMLP
-    strategies: tuple[int, int]
-
-    @torch.no_grad()
-    def table(self, states: Tensor) -> Tensor:
-        """Of ``states [N, 12]``, ``[2, N]``."""
-        logits = self.posterior(hopper_features()(states.unsqueeze(0)))[0]
-        log_q = torch.log_softmax(logits, dim=-1).T + math.log(self.posterior.sizes[-1])
-        return log_q[list(self.strategies)]
-
-
-@dataclass(frozen=True)
 class Demonstrators:
     """A hop and a crawl of near-equal speed, what each truly prefers, and the gaits nobody demonstrates.
 
@@ -268,7 +242,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
         recipe,
         _taken(flat[[hop, crawl]], recipe),
         _taken(flat[rest], recipe),
-        PosteriorTruth(diayn.posterior, strategies),
+        PosteriorTruth(diayn.posterior, hopper_features(), strategies),
         report,
     )
 
@@ -355,14 +329,13 @@ def _taken(flat: Tensor, recipe: Recipe) -> GaussianPolicies:
 
 
 def save_demonstrators(path: Path, demonstrators: Demonstrators) -> None:
-    """Write policies, posterior, recipe and report as one safetensors file."""
+    """Write policies, posterior, recipe and report as one file."""
     tensors = {
         "policies": demonstrators.policies.flat(),
         "others": demonstrators.others.flat(),
         "posterior": demonstrators.truth.posterior.flat(),
     }
-    header = {"recipe": asdict(demonstrators.recipe), "report": demonstrators.report}
-    write_atomically(path, save_tensors(tensors, metadata={"msrd_ros": json.dumps(header)}))
+    write_demonstrators(path, demonstrators.recipe, demonstrators.report, tensors)
 
 
 def load_demonstrators(path: Path) -> Demonstrators:
@@ -373,21 +346,19 @@ def load_demonstrators(path: Path) -> Demonstrators:
     UserError
         If it is missing or damaged.
     """
-    try:
-        data = path.read_bytes()
-        length = int.from_bytes(data[:8], "little")
-        header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["msrd_ros"])
-        tensors = load_tensors(data)
-        stages = tuple(tuple(stage) for stage in header["recipe"]["stages"])
-        recipe = Recipe(**{**header["recipe"], "stages": stages})
-        sizes = (len(FEATURE_NAMES), *_POSTERIOR_HIDDEN, recipe.strategies)
-        posterior = BatchedMLP(1, sizes, torch.Generator().manual_seed(0))
-        posterior.set_flat(tensors["posterior"])
-        policies, others = (_taken(tensors[name], recipe) for name in ("policies", "others"))
-        truth = PosteriorTruth(posterior, tuple(header["report"]["strategies"]))
-    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
-        raise UserError(f"{path}: no readable demonstrators ({error}); reinstall the package") from None
-    return Demonstrators(recipe, policies, others, truth, header["report"])
+    return read_demonstrators(path, _restored)
+
+
+def _restored(
+    kept_recipe: dict[str, Any], report: dict[str, Any], tensors: dict[str, Tensor]
+) -> Demonstrators:
+    recipe = Recipe(**{**kept_recipe, "stages": tuple(tuple(stage) for stage in kept_recipe["stages"])})
+    sizes = (len(FEATURE_NAMES), *_POSTERIOR_HIDDEN, recipe.strategies)
+    posterior = BatchedMLP(1, sizes, torch.Generator().manual_seed(0))
+    posterior.set_flat(tensors["posterior"])
+    policies, others = (_taken(tensors[name], recipe) for name in ("policies", "others"))
+    truth = PosteriorTruth(posterior, hopper_features(), tuple(report["strategies"]))
+    return Demonstrators(recipe, policies, others, truth, report)
 
 
 def pair_path(pair: str) -> Path:

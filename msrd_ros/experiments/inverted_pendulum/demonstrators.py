@@ -5,10 +5,9 @@ The recipe that made a file stands in its header, and ``make_demonstrators`` run
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
@@ -16,9 +15,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load as load_tensors
-from safetensors.torch import save as save_tensors
+from torch import Tensor
 
 from msrd_ros.experiments.inverted_pendulum.environment import (
     has_fallen,
@@ -29,14 +26,14 @@ from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import (
     DivergenceTruth,
     KnownPreferences,
-    PosteriorTruth,
     PreferenceReward,
     extrinsic,
     pendulum_features,
 )
+from msrd_ros.experiments.virtual_studies.demonstrator_files import read_demonstrators, write_demonstrators
+from msrd_ros.experiments.virtual_studies.posterior_truth import PosteriorTruth
 from msrd_ros.experiments.virtual_studies.task import StrategyTruth
 from msrd_ros.facts.errors import UserError
-from msrd_ros.learning.checkpoints import write_atomically
 from msrd_ros.learning.diayn import DiaynReward
 from msrd_ros.learning.kl_encouraged import KLEncouragedReward
 from msrd_ros.learning.networks import BatchedMLP
@@ -179,7 +176,9 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     kept, report = _choose(policies, recipe)
     chosen = _subset(policies, kept)
     if isinstance(source, DiaynReward):
-        return Demonstrators(recipe, chosen, PosteriorTruth(source.posterior, kept), report)
+        return Demonstrators(
+            recipe, chosen, PosteriorTruth(source.posterior, pendulum_features(), kept), report
+        )
     return Demonstrators(recipe, chosen, _other_truth(recipe, chosen, kept), report)
 
 
@@ -279,12 +278,11 @@ def _other_truth(recipe: Recipe, policies: GaussianPolicies, kept: tuple[int, ..
 
 
 def save_demonstrators(path: Path, demonstrators: Demonstrators) -> None:
-    """Write policies, truth, recipe and report as one safetensors file."""
+    """Write policies, truth, recipe and report as one file."""
     tensors = {"policies": demonstrators.policies.flat()}
-    header: dict[str, Any] = {"recipe": asdict(demonstrators.recipe), "report": demonstrators.report}
     if isinstance(demonstrators.truth, PosteriorTruth):
         tensors["posterior"] = demonstrators.truth.posterior.flat()
-    write_atomically(path, save_tensors(tensors, metadata={"msrd_ros": json.dumps(header)}))
+    write_demonstrators(path, demonstrators.recipe, demonstrators.report, tensors)
 
 
 def load_demonstrators(path: Path) -> Demonstrators:
@@ -295,26 +293,22 @@ def load_demonstrators(path: Path) -> Demonstrators:
     UserError
         If it is missing or damaged.
     """
-    try:
-        data = path.read_bytes()
-        length = int.from_bytes(data[:8], "little")
-        header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["msrd_ros"])
-        tensors = load_tensors(data)
-        recipe = Recipe(**{**header["recipe"], "kind": Kind(header["recipe"]["kind"])})
-        generator = torch.Generator().manual_seed(0)
-        policies = _fresh_policies(tensors["policies"].shape[0], generator)
-        policies.set_flat(tensors["policies"])
-        kept = tuple(header["report"]["kept"])
-        truth: StrategyTruth
-        if recipe.kind is Kind.DIAYN:
-            posterior = BatchedMLP(1, (4, *_POSTERIOR_HIDDEN, recipe.candidates), generator)
-            posterior.set_flat(tensors["posterior"])
-            truth = PosteriorTruth(posterior, kept)
-        else:
-            truth = _other_truth(recipe, policies, kept)
-    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
-        raise UserError(f"{path}: no readable demonstrators ({error}); reinstall the package") from None
-    return Demonstrators(recipe, policies, truth, header["report"])
+    return read_demonstrators(path, _restored)
+
+
+def _restored(
+    kept_recipe: dict[str, Any], report: dict[str, Any], tensors: dict[str, Tensor]
+) -> Demonstrators:
+    recipe = Recipe(**{**kept_recipe, "kind": Kind(kept_recipe["kind"])})
+    generator = torch.Generator().manual_seed(0)
+    policies = _fresh_policies(tensors["policies"].shape[0], generator)
+    policies.set_flat(tensors["policies"])
+    kept = tuple(report["kept"])
+    if recipe.kind is not Kind.DIAYN:
+        return Demonstrators(recipe, policies, _other_truth(recipe, policies, kept), report)
+    posterior = BatchedMLP(1, (4, *_POSTERIOR_HIDDEN, recipe.candidates), generator)
+    posterior.set_flat(tensors["posterior"])
+    return Demonstrators(recipe, policies, PosteriorTruth(posterior, pendulum_features(), kept), report)
 
 
 def cached_demonstrators(kind: Kind) -> Demonstrators:

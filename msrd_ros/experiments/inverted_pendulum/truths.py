@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.kl_encouraged import pairwise_divergence
-from msrd_ros.learning.networks import BatchedMLP, Features
+from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.trajectories import Rollouts
 
@@ -25,29 +25,6 @@ def pendulum_features() -> Features:
 def extrinsic(states: Tensor) -> Tensor:
     """True task reward of states ``[..., 4]``: minus the pole's absolute angle."""
     return -states[..., 1].abs()
-
-
-@dataclass(frozen=True)
-class PosteriorTruth:
-    """DIAYN's pseudo-reward ``log q(z|s) - log p(z)`` of the kept strategies (paper, Equation 8).
-
-    Attributes
-    ----------
-    posterior
-        q over all candidates.
-    kept
-        Indices of the kept ones.
-    """
-
-    posterior: BatchedMLP
-    kept: tuple[int, ...]
-
-    @torch.no_grad()
-    def table(self, states: Tensor) -> Tensor:
-        """``[S, N]``."""
-        logits = self.posterior(pendulum_features()(states.unsqueeze(0)))[0]
-        log_q = torch.log_softmax(logits, dim=-1).T + math.log(self.posterior.sizes[-1])
-        return log_q[list(self.kept)]
 
 
 @dataclass(frozen=True)

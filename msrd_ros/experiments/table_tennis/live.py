@@ -42,7 +42,7 @@ class LivePlan:
 
 @dataclass(frozen=True)
 class Lesson:
-    """Where the recordings lie, whose they are, and where runs and logs go."""
+    """Where the recordings lie, whose they are, and the folder of this lesson's runs and logs alone."""
 
     bags: Path
     subjects: tuple[str, ...]
@@ -62,12 +62,12 @@ class Lesson:
 
     def log(self, name: str) -> Path:
         """Where a node writes."""
-        return self.folder / "logs" / f"live_{name}.log"
+        return self.folder / "logs" / f"{name}.log"
 
 
 def learn_with_rollouts(lesson: Lesson, plan: LivePlan, rollouts: str, progress: Progress) -> Path:
     """Train with rollouts from where `rollouts` says (``batched`` or ``topics``); the policies' file."""
-    out = lesson.folder / "live" / rollouts
+    out = lesson.folder / rollouts
     policies = out / POLICIES_FILE
     if policies.exists():
         return policies
@@ -105,7 +105,7 @@ def exchange_while_playing(lesson: Lesson, plan: LivePlan, progress: Progress) -
         If a node fails, or no policies arrive.
     """
     environment = own_domain()
-    out = lesson.folder / "live" / "exchange"
+    out = lesson.folder / "exchange"
     shutil.rmtree(out, ignore_errors=True)
     parameters = lesson.parameters(out, sweeps=plan.swap_sweeps, rehearse_every=plan.swap_every)
     noise = {"ready_noise_rad": 0.03, "seed": lesson.seed}
@@ -126,7 +126,7 @@ def exchange_while_playing(lesson: Lesson, plan: LivePlan, progress: Progress) -
         begun_s = time.monotonic()
         while True:
             is_last = trainer.has_ended()
-            report = lesson.folder / "live" / "point.json"
+            report = lesson.folder / "point.json"
             asked = {
                 "balls": plan.swap_balls,
                 "seed": 6000 + 100 * lesson.seed + len(points),

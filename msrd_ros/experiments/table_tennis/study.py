@@ -9,14 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import torch
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
+from msrd_ros.experiments.run_keys import digest
 from msrd_ros.experiments.table_tennis.judging import judge, undone_pairs
 from msrd_ros.experiments.table_tennis.live import (
     Lesson,
@@ -141,7 +140,6 @@ class Study:
 
     def __init__(self, plan: StudyPlan, folder: Path, progress: Progress) -> None:
         self.plan = plan
-        self._home = folder
         self._runs = folder / "runs"
         self._films = folder / "films"
         self._progress = progress
@@ -246,8 +244,11 @@ class Study:
     def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
         """Learning through the nodes beside the same in the batched simulator, and the exchange's curve."""
         subjects = tuple(sorted({episode.subject for episode in self.data.training}))
-        lesson = Lesson(self._bags, subjects, self._home, TRAINING_SEED)
-        path = self._runs / f"live-{_key(asdict(live), self.data.digest)}.json"
+        settings = [asdict(live), self._config(Method.MSRD), self.plan.robustness_balls]
+        lesson = Lesson(
+            self._bags, subjects, self._runs / f"live-{digest(settings, self.data.digest)}", TRAINING_SEED
+        )
+        path = lesson.folder / "played.json"
         if path.exists():
             return dict(json.loads(path.read_text()))
         rates, balls = {}, self.plan.robustness_balls
@@ -297,7 +298,7 @@ class Study:
         settings = [self._config(method)]
         if method is Method.FROZEN_REWARD:
             settings += [self._config(Method.MSRD), {"prior_weight": PRIOR_WEIGHT}]  # whose rewards they are
-        key = _key(settings, asdict(self.plan.budget), self.data.digest, method)
+        key = digest(settings, asdict(self.plan.budget), self.data.digest, method)
         return self._runs / f"{method}-{seed}-{key}"
 
     def _config(self, method: Method) -> dict[str, Any]:
@@ -305,11 +306,6 @@ class Study:
             training = make_training(method, self.data, self.plan.budget, 0)
             self._configs[method] = {**training.trainer.config.to_dict(), "training": asdict(training.config)}
         return self._configs[method]
-
-
-def _key(*parts: Any) -> str:
-    text = json.dumps([*parts, torch.__version__], default=str)
-    return sha256(text.encode()).hexdigest()[:12]
 
 
 def run_study(plan: StudyPlan, folder: Path, progress: Progress) -> dict[str, Any]:

@@ -6,17 +6,15 @@ Seeds are kept apart: demonstrations, training, and test trajectories of repetit
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import torch
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
+from msrd_ros.experiments.run_keys import digest
 from msrd_ros.experiments.virtual_studies.evaluation import TestSet, evaluate, make_test_set
 from msrd_ros.experiments.virtual_studies.methods import Budget, Estimate, Method, configure, restore, train
 from msrd_ros.experiments.virtual_studies.statistics import summarise
@@ -110,8 +108,3 @@ class Runs:
         if method in (Method.CLASSIFIER, Method.ORACLE):
             return [method.value, self.budget.classifier_steps]
         return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon]
-
-
-def digest(*parts: Any) -> str:
-    """Short digest of settings, by which kept results are found again."""
-    return sha256(json.dumps([*parts, torch.__version__]).encode()).hexdigest()[:12]
