@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from quick_studies import play
 from scipy.stats import friedmanchisquare
 
-from msrd_ros.experiments.reproduce import main
 from msrd_ros.experiments.table_tennis.methods import MAIN_METHODS, Budget, Method, make_training
 from msrd_ros.experiments.table_tennis.playing import (
     EVALUATION_STREAM,
@@ -42,9 +41,7 @@ LABELS = [str(label) for label in ALL_LABELS]
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
     folder = tmp_path_factory.mktemp("study")
-    started = time.process_time()
-    assert main(["table_tennis", "--quick", "--out", str(folder)]) == 0
-    return folder, time.process_time() - started
+    return folder, play("table_tennis", folder)
 
 
 @pytest.fixture(scope="module")
@@ -147,9 +144,7 @@ def test_what_was_played_over_topics_stands_in_the_report(
 def test_second_run_takes_up_the_first_and_gives_the_same_numbers(
     quick: tuple[Path, float], metrics: dict
 ) -> None:
-    started = time.process_time()
-    assert main(["table_tennis", "--quick", "--out", str(quick[0])]) == 0
-    assert time.process_time() - started < 0.7 * quick[1]
+    assert play("table_tennis", quick[0]) < 0.7 * quick[1]
     again = json.loads((quick[0] / "metrics.json").read_text())
     assert again["methods"] == metrics["methods"]
     assert again["robustness"] == metrics["robustness"]
