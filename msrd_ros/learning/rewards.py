@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -137,6 +139,49 @@ class RewardModel(nn.Module):
         strategies, count, width = inputs.shape
         values = self.task_network(inputs.reshape(1, strategies * count, width))
         return values.reshape(strategies, count)
+
+
+class RewardEnsemble(nn.ModuleList):
+    """Reward models of independent runs as one: the mean of what they say, by state.
+
+    Adversarial runs differ most where demonstrations and rollouts decide least; what they have in common
+    stays in the mean, what one run made up does not.
+
+    Parameters
+    ----------
+    members
+        Models of one form and one number of strategies.
+    """
+
+    def __init__(self, members: Iterable[RewardModel]) -> None:
+        super().__init__(members)
+
+    @property
+    def members(self) -> tuple[RewardModel, ...]:
+        """The models."""
+        return tuple(cast(RewardModel, member) for member in self)
+
+    @property
+    def form(self) -> RewardForm:
+        """How R_i is composed."""
+        return self.members[0].form
+
+    @torch.no_grad()
+    def task(self, states: Tensor) -> Tensor:
+        """R0 of ``states [N, O]``, ``[N]``."""
+        single = states.unsqueeze(0)
+        values = [model.task_network(model.task_features(single))[0, :, 0] for model in self.members]
+        return torch.stack(values).mean(dim=0)
+
+    @torch.no_grad()
+    def table(self, transitions: Transitions) -> RewardValues:
+        """Every strategy's rewards of the same ``[1, N]`` transitions, as ``[S, N]``."""
+        tables = [model.table(transitions) for model in self.members]
+        return RewardValues(
+            torch.stack([values.combined for values in tables]).mean(dim=0),
+            torch.stack([values.task for values in tables]).mean(dim=0),
+            torch.stack([values.strategy for values in tables]).mean(dim=0),
+        )
 
 
 class AveragedRewards:
