@@ -60,9 +60,18 @@ class RewardModel(nn.Module):
         Whether f_i also carries AIRL's potential ``gamma h_i(s') - h_i(s)``.
     discount
         gamma of the potential.
+    owners
+        Which strategy-only reward each strategy has, counted from 0: strategies of the same number share
+        one. Empty: each has its own.
+
+    Attributes
+    ----------
+    shares
+        Whether any two strategies share a strategy-only reward.
     """
 
     alpha: Tensor
+    owners: Tensor
 
     def __init__(
         self,
@@ -76,8 +85,14 @@ class RewardModel(nn.Module):
         generator: torch.Generator,
         shaping: bool = False,
         discount: float = 0.99,
+        owners: tuple[int, ...] = (),
     ) -> None:
         super().__init__()
+        owners = owners or tuple(range(strategies))
+        if len(owners) != strategies or set(owners) != set(range(max(owners) + 1)):
+            raise ValueError(f"owners {owners}: give {strategies} numbers, counted from 0 without gaps")
+        self.shares = len(set(owners)) < strategies
+        self.register_buffer("owners", torch.tensor(owners), persistent=False)
         self.form = RewardForm(form)
         self.strategies = strategies
         self.sees_action = action_width > 0
@@ -86,7 +101,7 @@ class RewardModel(nn.Module):
         self.strategy_features = strategy_features
         self.task_network = BatchedMLP(1, (task_features.width + action_width, *hidden, 1), generator)
         sizes = (strategy_features.width + action_width, *hidden, 1)
-        self.strategy_network = BatchedMLP(strategies, sizes, generator)
+        self.strategy_network = BatchedMLP(len(set(owners)), sizes, generator)
         self.potential_network = (
             BatchedMLP(strategies, (strategy_features.width, *hidden, 1), generator) if shaping else None
         )
@@ -100,12 +115,12 @@ class RewardModel(nn.Module):
     def compose(self, task_inputs: Tensor, strategy_inputs: Tensor) -> RewardValues:
         """Equation 4 from scaled inputs ``[S, N, ...]``; for the other forms see `RewardForm`."""
         if self.form is RewardForm.STRATEGY_ONLY:
-            strategy = self.strategy_network(strategy_inputs).squeeze(-1)
+            strategy = self._own(strategy_inputs)
             return RewardValues(strategy, torch.zeros_like(strategy), strategy)
         task = self._shared(task_inputs)
         if self.form is RewardForm.TASK_ONLY:
             return RewardValues(task, task, torch.zeros_like(task))
-        own = self.strategy_network(strategy_inputs).squeeze(-1)
+        own = self._own(strategy_inputs)
         if self.form is RewardForm.VANILLA:
             return RewardValues(own, task, own - task)
         return RewardValues(task + self.alpha * own, task, own)
@@ -134,6 +149,9 @@ class RewardModel(nn.Module):
     def _inputs(self, features: Features, transitions: Transitions) -> Tensor:
         inputs = features(transitions.next_observation)
         return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
+
+    def _own(self, inputs: Tensor) -> Tensor:
+        return self.strategy_network(inputs, self.owners if self.shares else None).squeeze(-1)
 
     def _shared(self, inputs: Tensor) -> Tensor:
         strategies, count, width = inputs.shape
