@@ -24,6 +24,7 @@ from msrd_ros.experiments.table_tennis.report import write_report
 from msrd_ros.experiments.table_tennis.results import pooled
 from msrd_ros.experiments.table_tennis.robustness import robustness_conditions
 from msrd_ros.experiments.table_tennis.statistics import diagonal_wins, friedman
+from msrd_ros.experiments.table_tennis.study import file_name
 from msrd_ros.experiments.table_tennis.undone import undo_return, untouched_path
 from msrd_ros.facts.episode import CONTROL_PERIOD_S, HORIZON, Episode
 from msrd_ros.facts.errors import UserError
@@ -266,6 +267,11 @@ def test_methods_are_what_they_say(data: StudyData, method: Method, form: Reward
     assert config.reward.form is form
     assert (config.discriminator.cross_weight > 0.0) is cross
     assert not config.cloning.corrections
+
+
+def test_every_condition_has_a_file_of_its_own() -> None:
+    names = list(robustness_conditions())
+    assert len({file_name(name) for name in names}) == len(names)
 
 
 def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> None:

@@ -57,6 +57,12 @@ from msrd_ros.learning.stroke_policies import StrokePolicies
 TRAINING_SEED, EVALUATION_SEED, ROBUSTNESS_SEED = 1000, 4000, 5000
 
 
+def file_name(condition: str) -> str:
+    """A condition's name in letters, digits and underscores; different for different names."""
+    spelled = condition.replace("+", "plus ").replace("-", "minus ")
+    return "".join(c if c.isalnum() else "_" for c in spelled)
+
+
 @dataclass(frozen=True)
 class StudyPlan:
     """What to run.
@@ -225,8 +231,7 @@ class Study:
         for seed in seeds:
             learned = self._learned(method, seed)
             for name in names:
-                words = "".join(c if c.isalnum() else "_" for c in name)
-                path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{words}.json"
+                path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{file_name(name)}.json"
                 if not path.exists():
                     self._progress(f"robustness of {method}, seed {seed}: {name}")
                     balls = plan.robustness_balls
