@@ -207,3 +207,43 @@ def test_classifier_learns_which_strategy_a_state_belongs_to() -> None:
     assert posterior.shape == (3, 18)
     torch.testing.assert_close(posterior.exp().sum(dim=0), torch.ones(18))
     assert (posterior.argmax(dim=0) == torch.arange(3).repeat_interleave(6)).all()
+
+
+def test_lasting_rewards_leave_the_run_as_it_is_and_need_a_past() -> None:
+    config = replace(
+        BASE,
+        replay=ReplayConfig(replay_share=0.3, snapshot_share=0.2),
+        cloning=CloningConfig(steps=5, snapshots=(0,)),
+    )
+    asked, silent = run(config, clone=True), run(config, clone=True)
+    lasting, again = asked.lasting_rewards(6), asked.lasting_rewards(6)
+    assert torch.equal(lasting.task_network.flat(), again.task_network.flat())
+    assert not torch.equal(lasting.task_network.flat(), asked.rewards.task_network.flat())
+    assert not torch.equal(lasting.task_network.flat(), asked.averaged_rewards.task_network.flat())
+    asked.sweep()
+    silent.sweep()
+    assert torch.equal(asked.policies.flat(), silent.policies.flat())
+    assert torch.equal(asked.rewards.task_network.flat(), silent.rewards.task_network.flat())
+    with pytest.raises(ValueError, match="replay"):
+        run(BASE).lasting_rewards(6)
+
+
+def test_lasting_rewards_tell_demonstrations_from_what_was_done_long_ago() -> None:
+    config = replace(
+        BASE,
+        sweeps=30,
+        replay=ReplayConfig(replay_share=0.3, snapshot_share=0.2),
+        cloning=CloningConfig(steps=40, snapshots=(0,)),
+        discriminator=replace(BASE.discriminator, steps=10),
+    )
+    trainer = run(config, sweeps=30, clone=True)
+    past = trainer._snapshots
+    assert past is not None
+    demonstrated = trainer._demonstrations.sample(
+        trainer._demonstrations.choose(None, trainer._generator), 500, trainer._generator
+    )
+    margins = [
+        float((rewards(demonstrated).combined.mean() - rewards(past).combined.mean()).detach())
+        for rewards in (trainer.averaged_rewards, trainer.lasting_rewards(200))
+    ]
+    assert margins[1] > margins[0]

@@ -6,6 +6,7 @@ strategies at once. With `TaskUpdate.SEQUENTIAL` the shared R0 still takes one s
 
 from __future__ import annotations
 
+import copy
 import time
 from typing import Any
 
@@ -14,7 +15,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
-from msrd_ros.learning.config import MSRDConfig, PolicyReward
+from msrd_ros.learning.config import MSRDConfig, PolicyReward, ReplayConfig
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.replay import DemonstrationPool, Replay
@@ -22,6 +23,10 @@ from msrd_ros.learning.reward_training import Negatives, RewardTraining
 from msrd_ros.learning.rewards import AveragedRewards, RewardModel
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
+
+_PAST = ReplayConfig(replay_share=0.6, snapshot_share=0.4)
+_LASTING_AVERAGE = 0.003
+"""Negatives of `MSRD.lasting_rewards`, and the rate of its moving average."""
 
 
 class MSRD:
@@ -185,6 +190,28 @@ class MSRD:
         metrics["environment_steps"] = float(self.environment_steps)
         metrics["seconds"] = time.perf_counter() - started
         return metrics
+
+    def lasting_rewards(self, steps: int) -> RewardModel:
+        """R0 and S_i after `steps` more Adam steps against all that was ever played, to optimise frozen.
+
+        A sweep's negatives are mostly of the present policies, so rewards forget what earlier ones did wrong,
+        and a fresh policy finds its way there. Needs replay and cloning snapshots; the run stays as it is.
+        """
+        if not self._replay.filled or self._snapshots is None:
+            raise ValueError("lasting rewards need replay and cloning snapshots; give both a share")
+        generator = torch.Generator().manual_seed(self.sweeps_done)
+        config = self.config.discriminator
+        rewards = copy.deepcopy(self.rewards)
+        averaged = AveragedRewards(rewards, _LASTING_AVERAGE)
+        training = RewardTraining(rewards, averaged, config, sweeps=1)
+        everything = self._demonstrations.choose(None, generator)
+        amount = config.steps * config.batch
+        for _ in range(steps // config.steps):
+            expert = self._demonstrations.sample(everything, amount, generator)
+            expert = expert.with_log_prob(self._log_prob(expert))
+            past = Negatives.draw(self._snapshots, self._replay, self._snapshots, _PAST, amount, generator)
+            training.train(expert, past, config.steps, 0, generator)
+        return averaged.model
 
     @torch.no_grad()
     def _reward(self, generated: Transitions) -> Tensor:

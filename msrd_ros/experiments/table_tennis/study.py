@@ -24,6 +24,7 @@ from msrd_ros.experiments.table_tennis.live import (
     learn_with_rollouts,
 )
 from msrd_ros.experiments.table_tennis.methods import (
+    LASTING_STEPS,
     MAIN_METHODS,
     PRIOR_WEIGHT,
     Budget,
@@ -279,20 +280,26 @@ class Study:
     def _learned(self, method: Method, seed: int) -> Learned:
         """A method's run, taken up or made."""
         folder = self._folder(method, seed)
-        files = [folder / name for name in ("policies.safetensors", "rewards.safetensors", "training.json")]
+        names = "policies.safetensors", "rewards.safetensors", "lasting_rewards.safetensors", "training.json"
+        files = [folder / name for name in names]
         if all(path.exists() for path in files):
             return Learned(
                 StrokePolicies.load(files[0]),
                 load_tensors(files[1].read_bytes()),
-                json.loads(files[2].read_text()),
+                load_tensors(files[2].read_bytes()),
+                json.loads(files[3].read_text()),
             )
         self._progress(f"{method} seed {seed}: starts")
-        frozen = self._learned(Method.MSRD, seed).rewards if method is Method.FROZEN_REWARD else None
+        frozen = self._learned(Method.MSRD, seed).lasting if method is Method.FROZEN_REWARD else None
         learned = learn(method, self.data, self.plan.budget, TRAINING_SEED + seed, self._progress, frozen)
-        rewards = {name: value.contiguous() for name, value in learned.rewards.items()}
+        rewards, lasting = (
+            {name: value.contiguous() for name, value in weights.items()}
+            for weights in (learned.rewards, learned.lasting)
+        )
         contents = (
             learned.policies.to_bytes(),
             save_tensors(rewards),
+            save_tensors(lasting),
             json.dumps(learned.report).encode(),
         )
         for path, content in zip(files, contents, strict=True):
@@ -303,7 +310,8 @@ class Study:
         """Where a run is kept: a run is taken up only if nothing about it has changed."""
         settings = [self._config(method)]
         if method is Method.FROZEN_REWARD:
-            settings += [self._config(Method.MSRD), {"prior_weight": PRIOR_WEIGHT}]  # whose rewards they are
+            frozen = {"prior_weight": PRIOR_WEIGHT, "lasting_steps": LASTING_STEPS}
+            settings += [self._config(Method.MSRD), frozen]  # whose rewards they are
         key = digest(settings, asdict(self.plan.budget), self.data.digest, method)
         return self._runs / f"{method}-{seed}-{key}"
 
