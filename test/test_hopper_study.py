@@ -134,7 +134,19 @@ def test_the_truth_itself_gets_full_marks_also_on_unseen_gaits() -> None:
         assert marks[name] == pytest.approx(1.0, abs=1e-4)
     for name in ("strategy_r", "strategy_r_own", "strategy_r_clean", "task_r_each"):
         assert marks[name] == pytest.approx([1.0, 1.0], abs=1e-4)
+    assert max(marks["strategy_r_unbounded"]) < 0.999
     assert marks["diagonal"] == 2
+
+
+def test_the_truth_is_the_pseudo_reward_as_it_was_paid() -> None:
+    demonstrators = cached_demonstrators(TUNING_PAIR)
+    states = torch.zeros(1, 12)
+    states[0, 1] = 1.25  # hop and crawl both start from here: nobody's floor
+    paid, unbounded = demonstrators.truth, demonstrators.truth.unbounded()
+    flying = torch.as_tensor(demonstrators.demonstrate(1, seed=77, horizon=200).observations[0, 0, 100:])
+    assert unbounded.table(flying)[1].min() < -6.0
+    assert paid.table(flying)[1].min() == demonstrators.recipe.floor == -5.0
+    assert torch.equal(paid.table(states).clamp(min=-5.0), unbounded.table(states).clamp(min=-5.0))
 
 
 def test_no_network_sees_the_true_reward() -> None:
