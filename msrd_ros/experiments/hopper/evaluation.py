@@ -70,8 +70,8 @@ def make_gait_test_set(
         demonstrators.others, unseen, np.random.default_rng([seed, 8])
     )
     truth = demonstrators.truth
-    noisy = (table_over(form.table, demonstrated.noisy) for form in (truth, truth.unbounded()))
-    return GaitTestSet(demonstrated, *noisy, others.observations)
+    paid, unbounded = (table_over(form.table, demonstrated.noisy) for form in (truth, truth.unbounded()))
+    return GaitTestSet(demonstrated, paid, unbounded, others.observations)
 
 
 def judge(estimate: Estimate, test: GaitTestSet) -> dict[str, Any]:
