@@ -99,6 +99,7 @@ def hopper(
             penalty_weight=0.003,
             # Without it R0 gave a fallen hop, of which negatives have plenty, far less than a flailing one of
             # the same speed, and all the speeds of a crawl less than half the range of a hop: r .93 for .97.
+            # At .3, with R0 on the trunk, task r .977 for .973 and unseen gaits .891 for .921.
             task_penalty_weight=0.1,
             cross_batch=256,
             cross_weight=1.0,
