@@ -25,7 +25,7 @@ from msrd_ros.experiments.hopper.demonstrators import (
     load_demonstrators,
     save_demonstrators,
 )
-from msrd_ros.experiments.hopper.environment import FEATURE_NAMES, is_healthy, mean_speed
+from msrd_ros.experiments.hopper.environment import FEATURE_NAMES, TRUNK_NAMES, is_healthy, mean_speed
 from msrd_ros.experiments.hopper.evaluation import judge, make_gait_test_set
 from msrd_ros.experiments.hopper.task import preset
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
@@ -132,17 +132,27 @@ def test_the_truth_itself_gets_full_marks_also_on_unseen_gaits() -> None:
     marks = judge(truth, test)
     for name in ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen", "task_r_unseen_spearman"):
         assert marks[name] == pytest.approx(1.0, abs=1e-4)
-    for name in ("strategy_r", "strategy_r_own", "strategy_r_clean", "task_r_each"):
+    for name in ("strategy_r", "strategy_r_own", "strategy_r_clean", "strategy_r_acted", "task_r_each"):
         assert marks[name] == pytest.approx([1.0, 1.0], abs=1e-4)
+    assert max(marks["strategy_r_unbounded"]) < 0.999
     assert marks["diagonal"] == 2
+
+
+def test_the_truth_is_the_pseudo_reward_as_it_was_paid() -> None:
+    demonstrators = cached_demonstrators(TUNING_PAIR)
+    states = torch.zeros(1, 12)
+    states[0, 1] = 1.25  # hop and crawl both start from here: nobody's floor
+    paid, unbounded = demonstrators.truth, demonstrators.truth.unbounded()
+    flying = torch.as_tensor(demonstrators.demonstrate(1, seed=77, horizon=200).observations[0, 0, 100:])
+    assert unbounded.table(flying)[1].min() < -6.0
+    assert paid.table(flying)[1].min() == demonstrators.recipe.floor == -5.0
+    assert torch.equal(paid.table(states).clamp(min=-5.0), unbounded.table(states).clamp(min=-5.0))
 
 
 def test_no_network_sees_the_true_reward() -> None:
     settings = preset()
-    for features in (
-        settings.reward.task_features,
-        settings.reward.strategy_features,
-        settings.policy.features,
-    ):
+    for features in (settings.reward.strategy_features, settings.policy.features):
         assert features.names == FEATURE_NAMES
+    assert settings.reward.task_features.names == TRUNK_NAMES
+    assert settings.reward.task_features.scales == (0.5, 0.5, 2.0, 1.5, 3.0)
     assert hopper_features().indices.tolist() == list(range(1, 12))

@@ -40,7 +40,7 @@ def test_a_price_makes_it_smaller(maker: type[MSRD]) -> None:
 
 
 def test_the_paper_has_none() -> None:
-    config = hopper(("x",), (1.0,))
+    config = hopper(("x",), (1.0,), ("x",))
     assert config.discriminator.task_penalty_weight > 0.0
     assert as_printed(config).discriminator.task_penalty_weight == 0.0
     assert MSRDConfig().discriminator.task_penalty_weight == 0.0

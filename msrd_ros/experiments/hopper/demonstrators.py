@@ -70,6 +70,8 @@ class Recipe:
         Strategies that are held to stay healthy while they train, and strategies that may do anything.
     weight
         Weight of DIAYN's pseudo-reward beside the speed.
+    floor
+        Lower bound of the pseudo-reward in nats, in training and so in the truth.
     healthy_bonus, fall_cost
         What the upright ones get for a healthy step, and pay for a fall, in m/s; they then start again.
     speed_cap
@@ -91,6 +93,7 @@ class Recipe:
     upright: int = 2
     free: int = 3
     weight: float = 0.2
+    floor: float = -5.0
     healthy_bonus: float = 1.0
     fall_cost: float = 100.0
     speed_cap: float = 1.6
@@ -202,7 +205,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
         extrinsic,
         recipe.weight,
         generator,
-        floor=-5.0,
+        floor=recipe.floor,
     )
     snapshots = _train(recipe, policies, diayn, progress)
     progress("demonstrators: judging the candidates")
@@ -242,7 +245,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
         recipe,
         _taken(flat[[hop, crawl]], recipe),
         _taken(flat[rest], recipe),
-        PosteriorTruth(diayn.posterior, hopper_features(), strategies),
+        PosteriorTruth(diayn.posterior, hopper_features(), strategies, recipe.floor),
         report,
     )
 
@@ -357,7 +360,7 @@ def _restored(
     posterior = BatchedMLP(1, sizes, torch.Generator().manual_seed(0))
     posterior.set_flat(tensors["posterior"])
     policies, others = (_taken(tensors[name], recipe) for name in ("policies", "others"))
-    truth = PosteriorTruth(posterior, hopper_features(), tuple(report["strategies"]))
+    truth = PosteriorTruth(posterior, hopper_features(), tuple(report["strategies"]), recipe.floor)
     return Demonstrators(recipe, policies, others, truth, report)
 
 

@@ -31,6 +31,8 @@ FEATURE_NAMES = (
     "foot_rate",
 )
 """What Gymnasium's Hopper-v5 observes, and all that policies and rewards see."""
+TRUNK_NAMES = ("torso_z", "torso_angle", "torso_vx", "torso_vz", "torso_rate")
+"""Where the body is and how it moves, without the limbs that move it."""
 OBSERVATION_NAMES = (SPEED_NAME, *FEATURE_NAMES)
 """The distance covered in the last step, over its duration, goes first: the true reward, Gymnasium's
 ``forward_reward``. It is there for judging only; no network gets this column."""

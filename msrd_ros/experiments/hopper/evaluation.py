@@ -11,7 +11,7 @@ from scipy import stats
 
 from msrd_ros.experiments.hopper.demonstrators import Demonstrators
 from msrd_ros.experiments.hopper.environment import mean_speed
-from msrd_ros.experiments.hopper.task import HOPPER, make_collector
+from msrd_ros.experiments.hopper.task import HOPPER, NOISE_LEVELS, make_collector
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import (
     TestSet,
@@ -33,15 +33,24 @@ class GaitTestSet:
         Hop and crawl, with and without injected noise.
     noisy_truth
         ``[2, 2, n]``: mean true strategy reward i of each noisy trajectory of each strategy.
+    unbounded_truth
+        The same of log q without the floor that the pseudo-reward had while the demonstrators trained.
     unseen
         ``[G, n, T+1, 12]``: every gait that nobody demonstrated, without injected noise.
     """
 
     demonstrated: TestSet
     noisy_truth: NDArray[np.float64]
+    unbounded_truth: NDArray[np.float64]
     unseen: NDArray[np.float32]
 
     __test__ = False
+
+    @property
+    def acted(self) -> NDArray[np.bool_]:
+        """Noisy trajectories of a strategy in which it has any part: not every action is random, ``[n]``."""
+        levels = np.array(NOISE_LEVELS)
+        return np.repeat(levels < 1.0, self.noisy_truth.shape[2] // len(levels))
 
 
 def make_gait_test_set(
@@ -60,8 +69,9 @@ def make_gait_test_set(
     others = make_collector(HOPPER.horizon).collect(
         demonstrators.others, unseen, np.random.default_rng([seed, 8])
     )
-    truth = table_over(demonstrators.truth.table, demonstrated.noisy)
-    return GaitTestSet(demonstrated, truth, others.observations)
+    truth = demonstrators.truth
+    paid, unbounded = (table_over(form.table, demonstrated.noisy) for form in (truth, truth.unbounded()))
+    return GaitTestSet(demonstrated, paid, unbounded, others.observations)
 
 
 def judge(estimate: Estimate, test: GaitTestSet) -> dict[str, Any]:
@@ -70,11 +80,15 @@ def judge(estimate: Estimate, test: GaitTestSet) -> dict[str, Any]:
     Beside those of `virtual_studies.evaluation.Scores`: ``task_r_spearman`` (all noisy trajectories),
     ``task_r_each`` (per strategy), ``task_r_unseen`` and ``task_r_unseen_spearman`` (gaits that nobody
     demonstrated), ``strategy_r`` (noisy trajectories of both strategies), ``strategy_r_own`` (of the
-    strategy itself, the paper's) and ``strategy_r_clean`` (of both, without noise).
+    strategy itself, the paper's), ``strategy_r_clean`` (of both, without noise),
+    ``strategy_r_unbounded`` (as ``strategy_r``, against log q without its floor) and ``strategy_r_acted``
+    (as ``strategy_r``, without the trajectories of pure chance: hop and crawl are the same there, nobody's
+    preference shows, and the posterior, which has never been there, says anything).
     """
     noisy = test.demonstrated.noisy
     marks: dict[str, Any] = asdict(evaluate(estimate, test.demonstrated))
     marks |= {"strategy_r_clean": marks["strategy_r"], "strategy_r": None, "strategy_r_own": None}
+    marks |= {"strategy_r_unbounded": None, "strategy_r_acted": None}
     marks |= dict.fromkeys(("task_r_spearman", "task_r_each", "task_r_unseen", "task_r_unseen_spearman"))
     if estimate.task is not None:
         truth, found = test.demonstrated.task_truth, mean_over(estimate.task, noisy)
@@ -88,4 +102,7 @@ def judge(estimate: Estimate, test: GaitTestSet) -> dict[str, Any]:
         strategies = range(len(found))
         marks["strategy_r"] = [correlation(found[i], truth[i]) for i in strategies]
         marks["strategy_r_own"] = [correlation(found[i, i], truth[i, i]) for i in strategies]
+        acted = test.acted
+        marks["strategy_r_acted"] = [correlation(found[i][:, acted], truth[i][:, acted]) for i in strategies]
+        marks["strategy_r_unbounded"] = [correlation(found[i], test.unbounded_truth[i]) for i in strategies]
     return marks

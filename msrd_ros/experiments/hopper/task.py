@@ -11,6 +11,7 @@ from msrd_ros.experiments.hopper.environment import (
     EPISODE_STEPS,
     FEATURE_NAMES,
     OBSERVATION_NAMES,
+    TRUNK_NAMES,
     Hopper,
     HopperBody,
     is_healthy,
@@ -44,7 +45,7 @@ def make_collector(
 
 def preset() -> MSRDConfig:
     """Settings of MSRD on this task."""
-    return hopper(FEATURE_NAMES, FEATURE_SCALES)
+    return hopper(FEATURE_NAMES, FEATURE_SCALES, TRUNK_NAMES)
 
 
 HOPPER = VirtualTask(

@@ -140,7 +140,7 @@ def _clones(demonstrations: Demonstrations, seed: int) -> GaussianPolicies:
 def _judge(policies: GaussianPolicies, demonstrators: Demonstrators, seed: int) -> dict[str, Any]:
     collector = make_collector(1000, body=CHANGED)
     played = collector.collect(policies, 3, np.random.default_rng(seed), deterministic=True).observations
-    liking = table_over(lambda states: demonstrators.truth.table(states).clamp(min=-10.0), played)
+    liking = table_over(demonstrators.truth.table, played)
     return {
         "speed": mean_speed(played).mean(axis=1).tolist(),
         "height": played[..., 1].mean(axis=(1, 2)).tolist(),
