@@ -19,7 +19,7 @@ from msrd_ros.experiments.hopper.evaluation import GaitTestSet, judge, make_gait
 from msrd_ros.experiments.hopper.task import HOPPER
 from msrd_ros.experiments.hopper.transfer import TransferPlan, run_transfer
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method
-from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, digest
+from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, digest, silent
 from msrd_ros.experiments.virtual_studies.statistics import paired_test
 from msrd_ros.learning.checkpoints import write_atomically
 
@@ -45,6 +45,8 @@ class StudyPlan:
         Test trajectories per strategy and noise level, without noise, and per gait nobody demonstrated.
     transfer
         Fresh policies on frozen rewards, with each pair's first repetition; None leaves them out.
+    workers
+        Processes that train.
     """
 
     seeds: int = 5
@@ -55,6 +57,7 @@ class StudyPlan:
     test_clean: int = 5
     test_unseen: int = 1
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
+    workers: int = 2
 
     @classmethod
     def quick(cls) -> StudyPlan:
@@ -67,9 +70,10 @@ class StudyPlan:
             test_repeats=1,
             test_clean=1,
             transfer=None,
+            workers=0,
         )
 
-    def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = lambda line: None) -> Runs:
+    def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
         """The runs on one pair, kept in `folder`."""
         return Runs(
             HOPPER,
@@ -81,6 +85,7 @@ class StudyPlan:
             self.test_clean,
             folder,
             progress,
+            self.workers,
         )
 
     def test_set(self, demonstrators: Demonstrators, repetition: int) -> GaitTestSet:
@@ -100,6 +105,8 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
     """
+    for pair in plan.pairs:
+        plan.runs(pair, folder, progress).prepare(tuple(Method), plan.seeds)
     marks: dict[tuple[str, int, Method], dict[str, Any]] = {}
     for repetition in range(plan.seeds):
         for pair in plan.pairs:
