@@ -62,13 +62,18 @@ def measure(trainers: list[MSRD], sweeps: int) -> dict[str, float]:
     for trainer in trainers:
         for _ in range(sweeps):
             trainer.sweep()
-    seconds = {"sweep": (time.perf_counter() - start) / sweeps}
+    return {"sweep": (time.perf_counter() - start) / sweeps, **seconds_of_parts(trainers)}
+
+
+def seconds_of_parts(trainers: list[MSRD]) -> dict[str, float]:
+    """Seconds of one more sweep of all trainers together, by part."""
     profile = cProfile.Profile()
     profile.enable()
     for trainer in trainers:
         trainer.sweep()
     profile.disable()
     rows = pstats.Stats(profile).stats  # type: ignore[attr-defined]
+    seconds = {}
     for part, (file, function) in PARTS.items():
         seconds[part] = sum(
             row[3] for (path, _, name), row in rows.items() if path.endswith(file) and name == function

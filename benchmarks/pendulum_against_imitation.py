@@ -21,13 +21,15 @@ import torch
 
 from msrd_ros.experiments.inverted_pendulum.demonstrators import Kind, cached_demonstrators
 from msrd_ros.experiments.inverted_pendulum.study import PENDULUM, StudyPlan
+from msrd_ros.experiments.virtual_studies.estimates import from_rewards
 from msrd_ros.experiments.virtual_studies.evaluation import (
     correlation,
     make_test_set,
     mean_over,
     normalised,
 )
-from msrd_ros.experiments.virtual_studies.methods import Method, from_rewards, make_trainer
+from msrd_ros.experiments.virtual_studies.methods import Method, make_trainer
+from msrd_ros.learning.rewards import RewardEnsemble
 
 LEVELS = (0.9, 0.95)
 
@@ -71,7 +73,7 @@ def main() -> None:
             trainer.sweep()
             if trainer.sweeps_done % options.every == 0 or trainer.environment_steps >= options.steps:
                 now = time.perf_counter()
-                estimate = from_rewards(PENDULUM, trainer.averaged_rewards, method, 0.0, 0)
+                estimate = from_rewards(PENDULUM, RewardEnsemble([trainer.averaged_rewards]), 0.0, 0)
                 assert estimate.task is not None
                 correlations.append(correlation(normalised(mean_over(estimate.task, test.noisy)), truth))
                 times.append(now - started - paused)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import venv
@@ -12,9 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
+from domains import observer, reserved_domain
 from processes import CHECKOUT, PACKAGE, Installation, Launcher
-from rclpy.context import Context
 from rclpy.node import Node
 from stack import Stack
 
@@ -25,9 +23,6 @@ os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
 # Threads that share out tensors this small wait for each other: ten times slower where other work has a core.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 provide_writable_directories(os.environ)
-
-HIGHEST_DOMAIN_ID = 101
-"""Above this, Fast DDS's ports meet those that Linux hands out."""
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -41,35 +36,16 @@ def ros_log_directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def domain_id(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """A ROS domain that nobody else on this machine tests on, set for this process and its children."""
-    with socket.socket(socket.AF_UNIX) as reservation:
-        chosen = _reserve_domain(reservation)
+    with reserved_domain() as chosen:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(chosen))
         yield chosen
-
-
-def _reserve_domain(reservation: socket.socket) -> int:
-    # A bound abstract socket is a lock that the kernel drops with the process, and leaves no file.
-    for attempt in range(HIGHEST_DOMAIN_ID):
-        candidate = 1 + (os.getpid() + attempt) % HIGHEST_DOMAIN_ID
-        try:
-            reservation.bind(f"\0msrd_ros test domain {candidate}")
-        except OSError:
-            continue
-        return candidate
-    raise RuntimeError("no free ROS domain: end other test runs")
 
 
 @pytest.fixture
 def ros_node(domain_id: int) -> Iterator[Node]:
     """A node of the test's own on its domain, in a context of its own."""
-    context = Context()
-    rclpy.init(args=[], context=context, domain_id=domain_id)
-    node = Node("test_observer", context=context)
-    try:
+    with observer(domain_id) as node:
         yield node
-    finally:
-        node.destroy_node()
-        context.try_shutdown()
 
 
 @pytest.fixture
@@ -90,10 +66,8 @@ def stack(domain_id: int, tmp_path: Path) -> Iterator[Stack]:
 @pytest.fixture(scope="module")
 def shared_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """The same for all tests of a module, on a domain that no other test takes meanwhile."""
-    with socket.socket(socket.AF_UNIX) as reservation:
-        chosen = _reserve_domain(reservation)
-        with Stack(chosen, tmp_path_factory.mktemp("stack")) as one:
-            yield one
+    with reserved_domain() as chosen, Stack(chosen, tmp_path_factory.mktemp("stack")) as one:
+        yield one
 
 
 @pytest.fixture(scope="session")

@@ -8,11 +8,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import yaml
+from domains import observer, reserved_domain
 from processes import CHECKOUT, PACKAGE, START_TIMEOUT_S, Installation, Launcher, RunningProcess
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.executors import SingleThreadedExecutor
@@ -22,6 +24,8 @@ from rclpy.parameter import parameter_value_to_python
 from msrd_ros.__main__ import COMMANDS, EXECUTABLES, USER_ERROR, main
 
 NODES = [name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")]
+SLOW = ["simulator", "demonstrator"]
+"""In a fresh installation these compile for half a minute; they are asked last."""
 TOOLS = [name for name in EXECUTABLES if name not in NODES]
 ANSWER_TIMEOUT_S = 120.0
 """A simulator answers once it has compiled, which takes a fresh installation up to a minute."""
@@ -32,39 +36,61 @@ INSTEAD_OF_DEFAULTS: dict[str, dict[str, object]] = {"trainer": {"source": "play
 pytestmark = pytest.mark.processes
 
 
-@pytest.fixture(params=["pip_installation", "colcon_overlay"])
-def installed(request: pytest.FixtureRequest, domain_id: int, tmp_path: Path) -> Iterator[Launcher]:
-    """Starts executables of an installation, from a directory where no checkout is in sight."""
-    installation: Installation = request.getfixturevalue(request.param)
-    launcher = Launcher(installation, domain_id, tmp_path)
-    yield launcher
-    launcher.close()
+class InstalledNode(NamedTuple):
+    """A node of an installation with its parameter file, alone on its domain."""
+
+    process: RunningProcess
+    parameter_file: Path
+    domain_id: int
 
 
-@pytest.mark.parametrize("name", NODES)
+@pytest.fixture(scope="module", params=["pip_installation", "colcon_overlay"])
+def installation(request: pytest.FixtureRequest) -> Installation:
+    """The package as users install it, in two ways."""
+    found: Installation = request.getfixturevalue(request.param)
+    return found
+
+
+@pytest.fixture(scope="module")
+def installed_nodes(
+    installation: Installation, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, InstalledNode]]:
+    """All nodes, started from where no checkout is in sight; at once, as some take their time."""
+    nodes = {}
+    with ExitStack() as stack:
+        for name in NODES:
+            domain_id = stack.enter_context(reserved_domain())
+            launcher = Launcher(installation, domain_id, tmp_path_factory.mktemp(name))
+            stack.callback(launcher.close)
+            file = installation.share() / "config" / f"{name}.yaml"
+            changed = INSTEAD_OF_DEFAULTS.get(name, {})
+            process = launcher.start(name, "--ros-args", "--params-file", str(file), parameters=changed)
+            nodes[name] = InstalledNode(process, file, domain_id)
+        yield nodes
+
+
+@pytest.mark.parametrize("name", sorted(NODES, key=SLOW.__contains__))
 def test_node_starts_with_its_parameter_file_and_stops(
-    installed: Launcher, ros_node: Node, name: str
+    installation: Installation, installed_nodes: dict[str, InstalledNode], name: str
 ) -> None:
-    overlay = installed.installation.name == "colcon overlay"
-    file = installed.installation.share() / "config" / f"{name}.yaml"
-    changed = INSTEAD_OF_DEFAULTS.get(name, {})
-    process = installed.start(name, "--ros-args", "--params-file", str(file), parameters=changed)
-
-    declared = _ask(ros_node, process, ListParameters, f"/{name}/list_parameters", ListParameters.Request())
-    wanted = _parameters(file, name) | changed
-    assert set(wanted) <= set(declared.result.names), f"{file.name} has what {name} does not declare"
-    request = GetParameters.Request(names=list(wanted))
-    values = _ask(ros_node, process, GetParameters, f"/{name}/get_parameters", request).values
+    process, file, domain_id = installed_nodes[name]
+    wanted = _parameters(file, name) | INSTEAD_OF_DEFAULTS.get(name, {})
+    with observer(domain_id) as node:
+        request = ListParameters.Request()
+        declared = _ask(node, process, ListParameters, f"/{name}/list_parameters", request)
+        assert set(wanted) <= set(declared.result.names), f"{file.name} has what {name} does not declare"
+        request = GetParameters.Request(names=list(wanted))
+        values = _ask(node, process, GetParameters, f"/{name}/get_parameters", request).values
     assert {key: _plain(value) for key, value in zip(wanted, values, strict=True)} == wanted
 
-    code = process.stop(signal.SIGINT if overlay else signal.SIGTERM)
+    code = process.stop(signal.SIGINT if installation.name == "colcon overlay" else signal.SIGTERM)
     assert code == 0, process.output
     assert "Traceback" not in process.output
 
 
 @pytest.mark.parametrize("name", TOOLS)
-def test_tool_starts_and_stops(installed: Launcher, name: str) -> None:
-    process = installed.start(name, "--help")
+def test_tool_starts_and_stops(installation: Installation, domain_id: int, tmp_path: Path, name: str) -> None:
+    process = Launcher(installation, domain_id, tmp_path).start(name, "--help")
     assert process.wait(START_TIMEOUT_S) == 0, process.output
     assert "usage:" in process.output
 
@@ -141,7 +167,7 @@ def _ask(node: Node, process: RunningProcess, service: Any, topic: str, request:
     client = node.create_client(service, topic)
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    deadline = time.monotonic() + START_TIMEOUT_S
+    deadline = time.monotonic() + ANSWER_TIMEOUT_S
     while not client.wait_for_service(timeout_sec=0.25):
         process.require_running()
         assert time.monotonic() < deadline, f"{topic} did not appear\n{process.output}"

@@ -28,7 +28,7 @@ from msrd_ros.experiments.hopper.demonstrators import (
 from msrd_ros.experiments.hopper.environment import FEATURE_NAMES, is_healthy, mean_speed
 from msrd_ros.experiments.hopper.evaluation import judge, make_gait_test_set
 from msrd_ros.experiments.hopper.task import preset
-from msrd_ros.experiments.virtual_studies.methods import Estimate
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.facts.errors import UserError
 from msrd_ros.learning.diayn import DiaynReward
 from msrd_ros.learning.trajectories import Rollouts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,12 @@ from msrd_ros.experiments.inverted_pendulum.demonstrators import (
     save_demonstrators,
 )
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
-from msrd_ros.experiments.inverted_pendulum.study import PENDULUM
+from msrd_ros.experiments.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.experiments.reproduce import main
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
-from msrd_ros.experiments.virtual_studies.methods import Budget, Estimate, Method, train
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method, train
 from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
 
@@ -73,6 +75,38 @@ def test_same_seed_same_numbers(method: Method) -> None:
     for name in set(first) - {"cost"}:
         assert torch.equal(first[name], again[name]), name
     assert not all(torch.equal(first[name], other[name]) for name in names)
+
+
+def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
+    plan = replace(StudyPlan.quick(), budget=budget, demonstrations=2)
+    methods = (Method.MSRD, Method.CLASSIFIER)
+    found = []
+    for workers in (0, 2):
+        folder = tmp_path / str(workers)
+        folder.mkdir()
+        scores = replace(plan, workers=workers).runs(Kind.DIAYN, folder).compare(methods, 1)["methods"]
+        for row in scores.values():
+            del row["seconds"]
+        found.append(scores)
+    assert found[0] == found[1]
+    assert len(found[0]["msrd"]["task_r_members"][0]) == 2
+
+
+def test_an_ensemble_says_the_mean_of_its_members() -> None:
+    data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
+    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, members=3)
+    estimate = train(PENDULUM, Method.MSRD, data, budget, 5)
+    states = torch.as_tensor(data.observations[:, 0, ::25]).reshape(-1, 4)
+    assert len(estimate.members) == 3
+    assert sum(member.environment_steps for member in estimate.members) == estimate.environment_steps
+    for name in ("task", "strategies", "combined"):
+        mean = torch.stack([getattr(member, name)(states) for member in estimate.members]).mean(dim=0)
+        torch.testing.assert_close(getattr(estimate, name)(states), mean)
+    alone = train(PENDULUM, Method.MSRD, data, replace(budget, members=1), 5)
+    assert alone.members == ()
+    assert torch.equal(alone.task(states), estimate.members[0].task(states))
 
 
 @pytest.mark.parametrize(

@@ -268,6 +268,16 @@ def test_methods_are_what_they_say(data: StudyData, method: Method, form: Reward
     assert not config.cloning.corrections
 
 
+def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> None:
+    training = make_training(Method.MSRD_PER_STROKE, data, Budget(), 0)
+    assert training.owners == ("push", "slice", "topspin")
+    assert training.trainer.rewards.strategy_network.copies == 3
+    assert training.strategy_matrix(data.held_out).shape == (3, 3)
+    _, strategies = training.rewards_of(data.held_out[0].observations[None], 0)
+    assert strategies[0] == strategies[3]
+    assert make_training(Method.MSRD, data, Budget(), 0).owners == tuple(map(str, ALL_LABELS))
+
+
 def test_corrective_start_and_worse_conditions_are_what_they_say(data: StudyData) -> None:
     corrective = make_training(Method.MSRD_CORRECTIVE_START, data, Budget(), 0).trainer.config
     assert corrective.cloning.corrections

@@ -86,7 +86,7 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
         "The rates in the table above are played in Bullet, over topics.",
     )
     report.figure(
-        _matrix(np.array(training["strategy_matrix"]), labels),
+        _matrix(np.array(training["strategy_matrix"]), training["strategy_rewards"]),
         "Each strategy's own reward (row) along the demonstrations of each strategy (column), rows scaled to "
         "[0, 1]. The diagonal should be the highest of its row.",
     )
@@ -255,12 +255,11 @@ def _training_curves(training: dict[str, Any], labels: list[StrategyLabel]) -> F
     return figure
 
 
-def _matrix(matrix: NDArray[np.float64], labels: list[StrategyLabel]) -> Figure:
+def _matrix(matrix: NDArray[np.float64], names: list[str]) -> Figure:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(6.4, 5.0))
     draw_matrix(axes, matrix, fontsize=8)
-    names = [str(label) for label in labels]
     axes.set_xticks(range(len(names)), names, rotation=35, ha="right")
     axes.set_yticks(range(len(names)), names)
     axes.set_xlabel("demonstrations of")

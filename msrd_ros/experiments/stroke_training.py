@@ -5,7 +5,7 @@ The recipe that the trainer node and the table tennis study share.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,11 @@ from msrd_ros.table_tennis.kinematic_rallies import (
 )
 
 METHODS = ("msrd", "airl")
+OWNERS: dict[str, Callable[[StrategyLabel], str]] = {
+    "side_and_stroke": str,
+    "stroke": lambda label: label.stroke.value,
+}
+"""Whose a strategy reward is: every label's own, or shared by forehand and backhand of a stroke."""
 POLICIES_FILE = "policies.safetensors"
 RESULT_FILE = "training.json"
 
@@ -62,6 +67,8 @@ class StrokeTrainingConfig:
         Of the start posture and of what is seen of the ball, in training; the latency is the longest.
     threads
         Of the batched simulator.
+    strategy_rewards
+        Whose a strategy reward is, a key of `OWNERS`.
     corrective_cloning
         Whether the policies start from cloning with injected joint offsets and labels that undo them, rather
         than from plain cloning.
@@ -77,6 +84,7 @@ class StrokeTrainingConfig:
     camera_latency_s: float = 0.0
     threads: int = 2
     corrective_cloning: bool = False
+    strategy_rewards: str = "side_and_stroke"
 
 
 def gather_demonstrations(episodes: Sequence[Episode]) -> Demonstrations:
@@ -148,6 +156,8 @@ class StrokeTraining:
         MSRD or AIRL, at work.
     labels
         Strategies, in the order of all arrays.
+    owners
+        Names of the strategy rewards, in their order.
     """
 
     def __init__(
@@ -170,7 +180,15 @@ class StrokeTraining:
         self.simulator = self._make_simulator(config.seed)
         ball_names = tuple(OBSERVATION_NAMES[column] for column in BALL_INPUTS)
         settings = table_tennis(ball_names, JOINT_NAMES)
-        settings = replace(settings, sweeps=config.sweeps, episodes=config.episodes)
+        owned = [OWNERS[config.strategy_rewards](label) for label in self.labels]
+        self.owners = tuple(dict.fromkeys(owned))
+        shared = tuple(self.owners.index(name) for name in owned) if len(self.owners) < len(owned) else ()
+        settings = replace(
+            settings,
+            sweeps=config.sweeps,
+            episodes=config.episodes,
+            reward=replace(settings.reward, owners=shared),
+        )
         if config.corrective_cloning:
             settings = with_corrections(settings, JOINT_NAMES, ACTION_NAMES)
         make = MSRD if config.method == "msrd" else airl_per_strategy
@@ -235,11 +253,16 @@ class StrokeTraining:
         return task.double().numpy(), strategies.double().numpy()
 
     def strategy_matrix(self, episodes: Sequence[Episode]) -> NDArray[np.float64]:
-        """Mean S_i (row) along the trajectories of strategy j (column), rows normalised to [0, 1]: (S, S)."""
-        matrix = np.zeros((len(self.labels), len(self.labels)))
-        for column, label in enumerate(self.labels):
-            rows = [e.observations[FIRST_ACTING_STEP:] for e in episodes if e.label == label]
+        """Mean S_i (row) along the trajectories of those whose S_j is (column), rows normalised to [0, 1].
+
+        Square, in the order of `owners`.
+        """
+        owner_of = OWNERS[self.config.strategy_rewards]
+        first = [[owner_of(label) for label in self.labels].index(owner) for owner in self.owners]
+        matrix = np.zeros((len(self.owners), len(self.owners)))
+        for column, owner in enumerate(self.owners):
+            rows = [e.observations[FIRST_ACTING_STEP:] for e in episodes if owner_of(e.label) == owner]
             if rows:
-                matrix[:, column] = self.rewards_of(np.stack(rows), 0)[1].mean(axis=1)
+                matrix[:, column] = self.rewards_of(np.stack(rows), 0)[1][first].mean(axis=1)
         low, high = matrix.min(axis=1, keepdims=True), matrix.max(axis=1, keepdims=True)
         return (matrix - low) / np.maximum(high - low, 1e-12)

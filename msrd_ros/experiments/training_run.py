@@ -169,6 +169,7 @@ class TrainingRun:
             "seconds": time.monotonic() - self._begun_s,
             "sweeps": training.trainer.sweeps_done,
             "curve": self._curve,
+            "strategy_rewards": list(training.owners),
             "strategy_matrix": training.strategy_matrix(self._episodes).tolist(),
             "task_reward_of_demonstrations": float(training.rewards_of(demonstrations, 0)[0].mean()),
         }

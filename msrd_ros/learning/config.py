@@ -97,6 +97,8 @@ class RewardConfig:
         Whether rewards are R(s, a) rather than R(s).
     shaping
         Whether to add AIRL's potential h_i.
+    owners
+        Which strategy-only reward each strategy has, counted from 0; empty: each has its own.
     """
 
     form: RewardForm = RewardForm.TWO_COLUMN
@@ -106,6 +108,7 @@ class RewardConfig:
     strategy_features: FeatureConfig = field(default_factory=FeatureConfig)
     sees_action: bool = False
     shaping: bool = False
+    owners: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

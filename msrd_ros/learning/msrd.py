@@ -82,6 +82,7 @@ class MSRD:
             self._generator,
             config.reward.shaping,
             config.discount,
+            config.reward.owners,
         )
         self.policies: Policies = policies or GaussianPolicies(
             strategies,

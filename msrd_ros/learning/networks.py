@@ -49,11 +49,22 @@ class BatchedMLP(nn.Module):
         """Number of parameters of one network, P."""
         return sum(fan_in * fan_out + fan_out for fan_in, fan_out in pairwise(self.sizes))
 
-    def forward(self, inputs: Tensor) -> Tensor:
-        """Map ``inputs [S, N, sizes[0]]`` to ``[S, N, sizes[-1]]``."""
+    def forward(self, inputs: Tensor, rows: Tensor | None = None) -> Tensor:
+        """Map ``inputs [S, N, sizes[0]]`` to ``[S, N, sizes[-1]]``.
+
+        Parameters
+        ----------
+        inputs
+            One row of samples for each network.
+        rows
+            Which network each row of `inputs` goes through, ``[R]``; then `inputs` has R rows, and so has
+            the result.
+        """
         hidden = inputs
         last = len(self.weights) - 1
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if rows is not None:
+                weight, bias = weight[rows], bias[rows]
             hidden = torch.baddbmm(bias, hidden, weight)
             if layer < last:
                 hidden = torch.tanh(hidden)

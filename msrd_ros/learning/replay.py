@@ -107,14 +107,25 @@ def gather(transitions: Transitions, index: Tensor) -> Transitions:
     )
 
 
-def of_others(batch: Transitions, count: int, generator: torch.Generator) -> Transitions:
+def of_others(
+    batch: Transitions, count: int, generator: torch.Generator, owners: Tensor | None = None
+) -> Transitions:
     """For each strategy, `count` transitions drawn from the *other* strategies' rows of `batch`.
 
     Used for cross-negatives; a stored log-probability stays that of the strategy that made the transition.
+
+    Parameters
+    ----------
+    owners
+        Whose strategy-only reward each strategy has, ``[S]``; who has the same is not another.
     """
     strategies, available = batch.packed.shape[:2]
     own = torch.arange(strategies)[:, None]
     step = torch.randint(1, max(strategies, 2), (strategies, count), generator=generator)
     index = torch.randint(available, (strategies, count), generator=generator)
-    packed = batch.packed[(own + step) % strategies, index]
+    source = (own + step) % strategies
+    if owners is not None:
+        strangers = (owners[:, None] != owners[None, :]).float()
+        source = torch.multinomial(strangers, count, replacement=True, generator=generator)
+    packed = batch.packed[source, index]
     return Transitions(packed, batch.observation_width, batch.action_width)

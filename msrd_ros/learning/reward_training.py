@@ -124,12 +124,12 @@ class RewardTraining:
 
     def _own_step(self) -> None:
         # Adam is blind to the scale of a gradient but not to the mean's 1 / S against weight decay: each
-        # strategy's networks see the gradient of their own loss.
+        # network sees the mean gradient of the losses of those whose own it is.
         if self._rewards.form is not RewardForm.TASK_ONLY:
             for group in self._own_optimiser.param_groups:
                 for parameter in group["params"]:
                     if parameter.grad is not None:
-                        parameter.grad.mul_(self._rewards.strategies)
+                        parameter.grad.mul_(parameter.shape[0])
             self._own_optimiser.step()
 
     def _task_step(self) -> None:
@@ -152,13 +152,14 @@ class RewardTraining:
         """Other strategies' transitions for cross-negatives and the wider regulariser."""
         config = self._config
         wanted = config.cross_weight > 0.0 or config.penalise_all
-        if not wanted or self._rewards.strategies < 2:
+        if not wanted or self._rewards.strategy_network.copies < 2:
             return None
+        owners = self._rewards.owners if self._rewards.shares else None
         demonstrations = round(config.cross_demonstrations * config.cross_batch)
         return Transitions.join(
             [
-                of_others(positive, demonstrations, generator),
-                of_others(negative, config.cross_batch - demonstrations, generator),
+                of_others(positive, demonstrations, generator, owners),
+                of_others(negative, config.cross_batch - demonstrations, generator, owners),
             ]
         )
 

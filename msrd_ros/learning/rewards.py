@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -58,9 +60,18 @@ class RewardModel(nn.Module):
         Whether f_i also carries AIRL's potential ``gamma h_i(s') - h_i(s)``.
     discount
         gamma of the potential.
+    owners
+        Which strategy-only reward each strategy has, counted from 0: strategies of the same number share
+        one. Empty: each has its own.
+
+    Attributes
+    ----------
+    shares
+        Whether any two strategies share a strategy-only reward.
     """
 
     alpha: Tensor
+    owners: Tensor
 
     def __init__(
         self,
@@ -74,8 +85,14 @@ class RewardModel(nn.Module):
         generator: torch.Generator,
         shaping: bool = False,
         discount: float = 0.99,
+        owners: tuple[int, ...] = (),
     ) -> None:
         super().__init__()
+        owners = owners or tuple(range(strategies))
+        if len(owners) != strategies or set(owners) != set(range(max(owners) + 1)):
+            raise ValueError(f"owners {owners}: give {strategies} numbers, counted from 0 without gaps")
+        self.shares = len(set(owners)) < strategies
+        self.register_buffer("owners", torch.tensor(owners), persistent=False)
         self.form = RewardForm(form)
         self.strategies = strategies
         self.sees_action = action_width > 0
@@ -84,7 +101,7 @@ class RewardModel(nn.Module):
         self.strategy_features = strategy_features
         self.task_network = BatchedMLP(1, (task_features.width + action_width, *hidden, 1), generator)
         sizes = (strategy_features.width + action_width, *hidden, 1)
-        self.strategy_network = BatchedMLP(strategies, sizes, generator)
+        self.strategy_network = BatchedMLP(len(set(owners)), sizes, generator)
         self.potential_network = (
             BatchedMLP(strategies, (strategy_features.width, *hidden, 1), generator) if shaping else None
         )
@@ -98,12 +115,12 @@ class RewardModel(nn.Module):
     def compose(self, task_inputs: Tensor, strategy_inputs: Tensor) -> RewardValues:
         """Equation 4 from scaled inputs ``[S, N, ...]``; for the other forms see `RewardForm`."""
         if self.form is RewardForm.STRATEGY_ONLY:
-            strategy = self.strategy_network(strategy_inputs).squeeze(-1)
+            strategy = self._own(strategy_inputs)
             return RewardValues(strategy, torch.zeros_like(strategy), strategy)
         task = self._shared(task_inputs)
         if self.form is RewardForm.TASK_ONLY:
             return RewardValues(task, task, torch.zeros_like(task))
-        own = self.strategy_network(strategy_inputs).squeeze(-1)
+        own = self._own(strategy_inputs)
         if self.form is RewardForm.VANILLA:
             return RewardValues(own, task, own - task)
         return RewardValues(task + self.alpha * own, task, own)
@@ -133,10 +150,56 @@ class RewardModel(nn.Module):
         inputs = features(transitions.next_observation)
         return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
 
+    def _own(self, inputs: Tensor) -> Tensor:
+        return self.strategy_network(inputs, self.owners if self.shares else None).squeeze(-1)
+
     def _shared(self, inputs: Tensor) -> Tensor:
         strategies, count, width = inputs.shape
         values = self.task_network(inputs.reshape(1, strategies * count, width))
         return values.reshape(strategies, count)
+
+
+class RewardEnsemble(nn.ModuleList):
+    """Reward models of independent runs as one: the mean of what they say, by state.
+
+    Adversarial runs differ most where demonstrations and rollouts decide least; what they have in common
+    stays in the mean, what one run made up does not.
+
+    Parameters
+    ----------
+    members
+        Models of one form and one number of strategies.
+    """
+
+    def __init__(self, members: Iterable[RewardModel]) -> None:
+        super().__init__(members)
+
+    @property
+    def members(self) -> tuple[RewardModel, ...]:
+        """The models."""
+        return tuple(cast(RewardModel, member) for member in self)
+
+    @property
+    def form(self) -> RewardForm:
+        """How R_i is composed."""
+        return self.members[0].form
+
+    @torch.no_grad()
+    def task(self, states: Tensor) -> Tensor:
+        """R0 of ``states [N, O]``, ``[N]``."""
+        single = states.unsqueeze(0)
+        values = [model.task_network(model.task_features(single))[0, :, 0] for model in self.members]
+        return torch.stack(values).mean(dim=0)
+
+    @torch.no_grad()
+    def table(self, transitions: Transitions) -> RewardValues:
+        """Every strategy's rewards of the same ``[1, N]`` transitions, as ``[S, N]``."""
+        tables = [model.table(transitions) for model in self.members]
+        return RewardValues(
+            torch.stack([values.combined for values in tables]).mean(dim=0),
+            torch.stack([values.task for values in tables]).mean(dim=0),
+            torch.stack([values.strategy for values in tables]).mean(dim=0),
+        )
 
 
 class AveragedRewards:

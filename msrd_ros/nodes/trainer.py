@@ -20,6 +20,7 @@ from msrd_ros.bags.reader import Bag
 from msrd_ros.experiments.stroke_rollouts import BulletCollector, BulletPlayers
 from msrd_ros.experiments.stroke_training import (
     METHODS,
+    OWNERS,
     POLICIES_FILE,
     StrokeTraining,
     StrokeTrainingConfig,
@@ -73,6 +74,11 @@ class TrainerConfig:
     corrective_cloning: bool = parameter(
         StrokeTrainingConfig.corrective_cloning,
         "Start from cloning with injected joint offsets and labels that undo them, not from plain cloning",
+    )
+    strategy_rewards: str = parameter(
+        StrokeTrainingConfig.strategy_rewards,
+        "Whose a strategy reward is: every label's own, or shared by forehand and backhand of a stroke",
+        choices=tuple(OWNERS),
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
     spread: str = parameter("standard", "Spread of the feeds trained on", choices=tuple(SPREADS))
@@ -206,6 +212,7 @@ class Trainer(StackNode):
             camera_latency_s=config.camera_latency_s,
             threads=config.workers,
             corrective_cloning=config.corrective_cloning,
+            strategy_rewards=config.strategy_rewards,
         )
         self._training = StrokeTraining(
             self._episodes, mean_landing_points(self._episodes), settings, self._make_collector()

@@ -12,6 +12,7 @@ from scipy import stats
 from msrd_ros.experiments.hopper.demonstrators import Demonstrators
 from msrd_ros.experiments.hopper.environment import mean_speed
 from msrd_ros.experiments.hopper.task import HOPPER, make_collector
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import (
     TestSet,
     correlation,
@@ -20,7 +21,6 @@ from msrd_ros.experiments.virtual_studies.evaluation import (
     mean_over,
     table_over,
 )
-from msrd_ros.experiments.virtual_studies.methods import Estimate
 
 
 @dataclass(frozen=True)

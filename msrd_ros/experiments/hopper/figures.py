@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from msrd_ros.experiments.hopper.demonstrators import LABELS
 from msrd_ros.experiments.hopper.environment import CONTROL_PERIOD_S, HopperBody
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.figures import DARK, LIGHT
-from msrd_ros.experiments.virtual_studies.methods import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

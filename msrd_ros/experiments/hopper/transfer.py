@@ -13,8 +13,8 @@ from torch import Tensor
 from msrd_ros.experiments.hopper.demonstrators import Demonstrators, hopper_features
 from msrd_ros.experiments.hopper.environment import HopperBody, is_healthy, mean_speed
 from msrd_ros.experiments.hopper.task import make_collector, preset
+from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards
 from msrd_ros.experiments.virtual_studies.evaluation import table_over
-from msrd_ros.experiments.virtual_studies.methods import Estimate, Rewards
 from msrd_ros.learning.cloning import clone
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.reinforcement import PolicyTraining

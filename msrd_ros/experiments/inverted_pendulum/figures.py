@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import TestSet
 from msrd_ros.experiments.virtual_studies.figures import DARK, LIGHT, new_figure
-from msrd_ros.experiments.virtual_studies.methods import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,9 +15,10 @@ from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
+from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards
 from msrd_ros.experiments.virtual_studies.evaluation import table_over
 from msrd_ros.experiments.virtual_studies.frozen_rewards import FrozenReward, frozen_rewards
-from msrd_ros.experiments.virtual_studies.methods import Estimate, Method, Rewards
+from msrd_ros.experiments.virtual_studies.methods import Method
 from msrd_ros.experiments.virtual_studies.task import Demonstrators
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msrd_ros.experiments.stroke_figures import SIDE_LINES, STROKE_COLOURS, draw_matrix
-from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.labels import StrategyLabel, Stroke
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -78,8 +78,9 @@ def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
     figure, panels = plt.subplots(1, len(shown), figsize=(4.6 * len(shown), 4.4), squeeze=False)
     for axes, (name, matrix) in zip(panels[0], shown.items(), strict=True):
         draw_matrix(axes, matrix, fontsize=7)
-        axes.set_xticks(range(len(labels)), labels, rotation=40, ha="right", fontsize=7)
-        axes.set_yticks(range(len(labels)), labels, fontsize=7)
+        names = labels if len(matrix) == len(labels) else [stroke.value for stroke in Stroke]
+        axes.set_xticks(range(len(names)), names, rotation=40, ha="right", fontsize=7)
+        axes.set_yticks(range(len(names)), names, fontsize=7)
         axes.set_title(name, fontsize=9)
     figure.tight_layout()
     return figure

@@ -43,6 +43,7 @@ class Method(StrEnum):
     MSRD_CORRECTIVE_START = "msrd_corrective_start"
     MSRD_AS_PRINTED = "msrd_as_printed"
     AIRL_EACH_CROSS = "airl_each_cross"
+    MSRD_PER_STROKE = "msrd_per_stroke"
 
 
 MAIN_METHODS = (
@@ -153,6 +154,7 @@ def make_training(method: Method, data: StudyData, budget: Budget, seed: int) ->
         seed=seed,
         threads=budget.threads,
         corrective_cloning=method in CORRECTIVE_START,
+        strategy_rewards="stroke" if method is Method.MSRD_PER_STROKE else "side_and_stroke",
         **(RANDOMISED if method is Method.MSRD_RANDOMISED else {}),
     )
     training = StrokeTraining(data.training, data.landing_points, settings)

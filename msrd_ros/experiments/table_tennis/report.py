@@ -25,6 +25,7 @@ NAMES = {
     "msrd_corrective_start": "MSRD from cloning with corrective noise",
     "msrd_as_printed": "MSRD, the paper's loss only",
     "airl_each_cross": "AIRL per strategy + cross-negatives",
+    "msrd_per_stroke": "MSRD, forehand and backhand share a strategy reward",
 }
 
 

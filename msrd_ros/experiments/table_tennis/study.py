@@ -96,6 +96,7 @@ class StudyPlan:
         Method.MSRD_CORRECTIVE_START,
         Method.MSRD_AS_PRINTED,
         Method.AIRL_EACH_CROSS,
+        Method.MSRD_PER_STROKE,
     )
     conditions: tuple[str, ...] | None = None
     live: LivePlan | None = field(default_factory=LivePlan)

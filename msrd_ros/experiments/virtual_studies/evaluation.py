@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from msrd_ros.experiments.virtual_studies.methods import Estimate, Rewards
+from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards
 from msrd_ros.experiments.virtual_studies.task import Demonstrators, VirtualTask
 
 UNFALLEN_STRIDE = 5

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import TestSet, mean_over, normalised
-from msrd_ros.experiments.virtual_studies.methods import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

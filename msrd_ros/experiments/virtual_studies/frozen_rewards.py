@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from msrd_ros.experiments.virtual_studies.methods import Estimate, Rewards
+from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
 

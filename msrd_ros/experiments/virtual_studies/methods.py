@@ -1,11 +1,12 @@
 """The methods compared: each learns from the same demonstrations and gives the same two things.
 
-A method's outcome is an `Estimate`: a task reward (or none) and a strategy reward per strategy (or none), as
-functions of states. Those who learn by playing share networks, budget and number of environment steps.
+A method's outcome is an `Estimate`. Those who learn by playing share networks, budget and number of
+environment steps.
 """
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,6 +16,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from msrd_ros.experiments.virtual_studies.estimates import (
+    Estimate,
+    from_classifier,
+    from_places,
+    from_rewards,
+)
 from msrd_ros.experiments.virtual_studies.task import VirtualTask
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
 from msrd_ros.learning.baselines import StrategyClassifier
@@ -22,8 +29,8 @@ from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.replay import DemonstrationPool
-from msrd_ros.learning.rewards import RewardForm, RewardModel, RewardValues
-from msrd_ros.learning.trajectories import Demonstrations, Transitions
+from msrd_ros.learning.rewards import RewardEnsemble, RewardForm
+from msrd_ros.learning.trajectories import Demonstrations
 
 
 class Method(StrEnum):
@@ -39,38 +46,8 @@ class Method(StrEnum):
     ORACLE = "oracle"
 
 
-Rewards = Callable[[Tensor], Tensor]
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What a method inferred.
-
-    Attributes
-    ----------
-    task
-        Maps states ``[N, O]`` to R0 ``[N]``; None if the method claims none.
-    strategies
-        Maps states ``[N, O]`` to the strategy-only rewards ``[S, N]``; None if the method claims none.
-    combined
-        Maps states ``[N, O]`` to R_i ``[S, N]`` (``[1, N]`` for a single reward); None if there is none.
-    weights
-        The numbers behind the functions, to keep.
-    seconds, environment_steps
-        What it took.
-    """
-
-    task: Rewards | None
-    strategies: Rewards | None
-    combined: Rewards | None
-    weights: dict[str, Tensor]
-    seconds: float
-    environment_steps: int
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Weights and cost, for a file."""
-        cost = torch.tensor([self.seconds, float(self.environment_steps)], dtype=torch.float64)
-        return {"cost": cost, **{name: value.contiguous() for name, value in self.weights.items()}}
+MEMBER_SEED = 100
+"""Distance between the seeds of the runs that are averaged: repetitions are counted below it."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +62,8 @@ class Budget:
         Adam steps of behaviour cloning before.
     classifier_steps
         Adam steps of the softmax classifier.
+    members
+        Independent runs whose rewards are averaged.
     """
 
     sweeps: int = 60
@@ -92,6 +71,7 @@ class Budget:
     horizon: int = 1000
     cloning_steps: int = 800
     classifier_steps: int = 2500
+    members: int = 1
 
 
 def configure(task: VirtualTask, method: Method, budget: Budget) -> MSRDConfig:
@@ -121,27 +101,32 @@ def train(
 ) -> Estimate:
     """Run `method`; its rewards are the moving average of the weights after the last planned sweep.
 
-    That is the rule for the checkpoint: fixed beforehand, and blind to the truth.
+    That is the rule for the checkpoint: fixed beforehand, and blind to the truth. Where the budget has
+    several members, the rewards are the mean of that many runs on the same demonstrations.
     """
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
         classifier = _fresh_classifier(task, demonstrations, seed)
         classifier.fit(DemonstrationPool(demonstrations), budget.classifier_steps)
-        return _from_classifier(classifier, time.perf_counter() - started)
+        return from_classifier(classifier, time.perf_counter() - started)
     if method is Method.ORACLE:
         half = demonstrations.observations.shape[2] // 2
         settled = np.asarray(demonstrations.observations[:, :, half:, task.telling_column], dtype=np.float64)
         places = torch.as_tensor(settled.mean(axis=(1, 2)), dtype=torch.float32)
-        return _from_places(task, places, time.perf_counter() - started)
-    trainer = make_trainer(task, method, demonstrations, budget, seed)
-    trainer.clone()
-    for sweep in range(budget.sweeps):
-        metrics = trainer.sweep()
-        if sweep % 10 == 9:
-            right = 0.5 * (metrics["demonstrations_right"] + metrics["generated_right"])
-            progress(f"{method} seed {seed}: sweep {sweep + 1} of {budget.sweeps}, told apart {right:.2f}")
-    cost = time.perf_counter() - started, trainer.environment_steps
-    return from_rewards(task, trainer.averaged_rewards, method, *cost)
+        return from_places(task, places, time.perf_counter() - started)
+    members, steps = [], 0
+    for member in range(budget.members):
+        trainer = make_trainer(task, method, demonstrations, budget, seed + MEMBER_SEED * member)
+        trainer.clone()
+        for sweep in range(budget.sweeps):
+            metrics = trainer.sweep()
+            if sweep % 10 == 9:
+                right = 0.5 * (metrics["demonstrations_right"] + metrics["generated_right"])
+                where = f"run {member + 1} of {budget.members}, sweep {sweep + 1} of {budget.sweeps}"
+                progress(f"{method} seed {seed}: {where}, told apart {right:.2f}")
+        members.append(trainer.averaged_rewards)
+        steps += trainer.environment_steps
+    return from_rewards(task, RewardEnsemble(members), time.perf_counter() - started, steps)
 
 
 def make_trainer(
@@ -168,64 +153,18 @@ def restore(
     seconds, steps = tensors["cost"].tolist()
     weights = {name: value for name, value in tensors.items() if name != "cost"}
     if method is Method.ORACLE:
-        return _from_places(task, weights["places"], seconds)
+        return from_places(task, weights["places"], seconds)
     if method is Method.CLASSIFIER:
         classifier = _fresh_classifier(task, demonstrations, 0)
         classifier.network.load_state_dict(weights)
-        return _from_classifier(classifier, seconds)
-    rewards = make_trainer(task, method, demonstrations, budget, 0).averaged_rewards
+        return from_classifier(classifier, seconds)
+    blank = make_trainer(task, method, demonstrations, budget, 0).averaged_rewards
+    rewards = RewardEnsemble(copy.deepcopy(blank) for _ in range(budget.members))
     rewards.load_state_dict(weights)
-    return from_rewards(task, rewards, method, seconds, int(steps))
-
-
-def from_rewards(
-    task: VirtualTask, rewards: RewardModel, method: Method, seconds: float, environment_steps: int
-) -> Estimate:
-    """The functions of states that a trained reward model stands for.
-
-    AIRL per strategy has no task reward of its own; the mean of its rewards is the natural guess at one, and
-    its rewards as they are stand for the strategies', as in the paper.
-    """
-
-    @torch.no_grad()
-    def values(states: Tensor) -> RewardValues:
-        width, actions = task.observation_width, task.action_width
-        packed = torch.zeros(1, states.shape[0], 2 * width + actions + 2)
-        packed[0, :, width + actions : 2 * width + actions] = states
-        return rewards.table(Transitions(packed, width, actions))
-
-    @torch.no_grad()
-    def task_reward(states: Tensor) -> Tensor:
-        if method in (Method.AIRL_EACH, Method.AIRL_EACH_CROSS):
-            return values(states).combined.mean(dim=0)
-        return rewards.task_network(rewards.task_features(states.unsqueeze(0)))[0, :, 0]
-
-    return Estimate(
-        task_reward,
-        None if method is Method.AIRL else lambda states: values(states).strategy,
-        lambda states: values(states).combined,
-        dict(rewards.state_dict()),
-        seconds,
-        environment_steps,
-    )
+    return from_rewards(task, rewards, seconds, int(steps))
 
 
 def _fresh_classifier(task: VirtualTask, demonstrations: Demonstrations, seed: int) -> StrategyClassifier:
     """No inverse reinforcement learning: a softmax classifier on the demonstrations' states."""
     generator = torch.Generator().manual_seed(seed)
     return StrategyClassifier(demonstrations.strategies, task.features, (32, 32), generator)
-
-
-def _from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
-    """log q(i|s) as the strategy reward."""
-    weights = dict(classifier.network.state_dict())
-    return Estimate(None, classifier.log_posterior, None, weights, seconds, 0)
-
-
-def _from_places(task: VirtualTask, places: Tensor, seconds: float) -> Estimate:
-    """A guess that knows the answer's form: minus the distance to where the strategy's column settles."""
-
-    def strategies(states: Tensor) -> Tensor:
-        return -(states[None, :, task.telling_column] - places[:, None]).abs()
-
-    return Estimate(None, strategies, None, {"places": places}, seconds, 0)

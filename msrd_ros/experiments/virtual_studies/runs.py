@@ -1,28 +1,44 @@
 """Training runs of a study, each kept as a file and not run again: an interrupted study resumes.
 
-Seeds are kept apart: demonstrations, training, and test trajectories of repetition k are drawn from seeds
-2000 + k, 1000 + k and 3000 + k; everything tuned was tuned on seeds from 9000 on.
+Seeds are kept apart: training, demonstrations and test trajectories of repetition k are drawn from seeds
+11000 + k, 12000 + k and 13000 + k (run m of an average trains on 11000 + k + 100 m). Everything tuned was
+tuned on seeds from 9000 to 9999; those that earlier recipes were judged on, 1000 to 3999, are not used again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
 from msrd_ros.experiments.run_keys import digest
-from msrd_ros.experiments.virtual_studies.evaluation import TestSet, evaluate, make_test_set
-from msrd_ros.experiments.virtual_studies.methods import Budget, Estimate, Method, configure, restore, train
+from msrd_ros.experiments.virtual_studies.estimates import Estimate
+from msrd_ros.experiments.virtual_studies.evaluation import (
+    TestSet,
+    correlation,
+    evaluate,
+    make_test_set,
+    mean_over,
+    normalised,
+)
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method, configure, restore, train
 from msrd_ros.experiments.virtual_studies.statistics import summarise
 from msrd_ros.experiments.virtual_studies.task import Demonstrators, VirtualTask
 from msrd_ros.learning.checkpoints import write_atomically
 from msrd_ros.learning.trajectories import Demonstrations
 
-TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 1000, 2000, 3000
+TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 11_000, 12_000, 13_000
+
+
+def silent(line: str) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +61,8 @@ class Runs:
         Where the files are.
     progress
         Told what is going on.
+    workers
+        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
     """
 
     task: VirtualTask
@@ -55,18 +73,44 @@ class Runs:
     test_repeats: int
     test_clean: int
     folder: Path
-    progress: Callable[[str], None] = lambda line: None
+    progress: Callable[[str], None] = silent
+    workers: int = 0
+
+    def prepare(self, methods: Iterable[Method], repetitions: int) -> None:
+        """Train what `estimate` will be asked for, several runs side by side."""
+        wanted = [(method, repetition) for repetition in range(repetitions) for method in methods]
+        missing = [job for job in wanted if not self.path(*job).exists()]
+        if self.workers < 2 or len(missing) < 2:
+            return
+        alone = replace(self, progress=silent)
+        with ProcessPoolExecutor(
+            self.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
+        ) as pool:
+            try:
+                jobs = {pool.submit(alone.train, *job): job for job in missing}
+                for count, done in enumerate(as_completed(jobs), 1):
+                    done.result()
+                    method, repetition = jobs[done]
+                    which = f"{method.value}, seed {repetition}"
+                    self.progress(f"{self.name}: {count} of {len(missing)} runs done, {which}")
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
 
     def estimate(self, method: Method, repetition: int) -> Estimate:
         """Train `method`, or take the run that is already there."""
         path = self.path(method, repetition)
+        if not path.exists():
+            self.train(method, repetition)
         data = self.demonstrate(repetition)
-        if path.exists():
-            return restore(self.task, load_tensors(path.read_bytes()), method, data, self.budget)
+        return restore(self.task, load_tensors(path.read_bytes()), method, data, self.budget)
+
+    def train(self, method: Method, repetition: int) -> None:
+        """Train `method` and keep the outcome as a file."""
         self.progress(f"{self.name}: {method.value}, seed {repetition}")
+        data = self.demonstrate(repetition)
         estimate = train(self.task, method, data, self.budget, TRAINING_SEED + repetition, self.progress)
-        write_atomically(path, save_tensors(estimate.tensors()))
-        return estimate
+        write_atomically(self.path(method, repetition), save_tensors(estimate.tensors()))
 
     def demonstrate(self, repetition: int) -> Demonstrations:
         """The demonstrations of a repetition, the same for every method."""
@@ -79,6 +123,8 @@ class Runs:
 
     def compare(self, methods: Iterable[Method], repetitions: int) -> dict[str, Any]:
         """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
+        methods = tuple(methods)
+        self.prepare(methods, repetitions)
         scores: dict[str, dict[str, list[Any]]] = {}
         for repetition in range(repetitions):
             test = self.test_set(repetition)
@@ -86,6 +132,7 @@ class Runs:
                 estimate = self.estimate(method, repetition)
                 result: dict[str, Any] = asdict(evaluate(estimate, test))
                 result |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
+                result["task_r_members"] = [_task_r(member, test) for member in estimate.members]
                 result["fallen_share"] = float(test.fallen.mean())
                 row = scores.setdefault(method.value, {})
                 for name, value in result.items():
@@ -107,4 +154,10 @@ class Runs:
         """Everything that a method's run depends on, as data for JSON."""
         if method in (Method.CLASSIFIER, Method.ORACLE):
             return [method.value, self.budget.classifier_steps]
-        return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon]
+        return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
+
+
+def _task_r(estimate: Estimate, test: TestSet) -> float | None:
+    if estimate.task is None:
+        return None
+    return correlation(normalised(mean_over(estimate.task, test.noisy)), normalised(test.task_truth))

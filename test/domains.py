@@ -1,0 +1,45 @@
+"""ROS domains that nobody else on this machine tests on, and observers on them."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+HIGHEST_DOMAIN_ID = 101
+"""Above this, Fast DDS's ports meet those that Linux hands out."""
+
+
+@contextmanager
+def reserved_domain() -> Iterator[int]:
+    """Keep a domain from all other tests for as long as the context lasts."""
+    # A bound abstract socket is a lock that the kernel drops with the process, and leaves no file.
+    with socket.socket(socket.AF_UNIX) as reservation:
+        for attempt in range(HIGHEST_DOMAIN_ID):
+            candidate = 1 + (os.getpid() + attempt) % HIGHEST_DOMAIN_ID
+            try:
+                reservation.bind(f"\0msrd_ros test domain {candidate}")
+            except OSError:
+                continue
+            break
+        else:
+            raise RuntimeError("no free ROS domain: end other test runs")
+        yield candidate
+
+
+@contextmanager
+def observer(domain_id: int) -> Iterator[Node]:
+    """A node of the test's own on a domain, in a context of its own."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain_id)
+    node = Node("test_observer", context=context)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
