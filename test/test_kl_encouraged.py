@@ -1,4 +1,4 @@
-"""Demonstrators told apart by what they do in the same state: reward, truth, cached set; training in stages."""
+"""Demonstrators told apart by what they do in the same state: reward, truth, cached set."""
 
 from __future__ import annotations
 
