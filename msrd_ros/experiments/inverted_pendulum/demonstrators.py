@@ -60,7 +60,7 @@ class Recipe:
         KL-encouraged: largest divergence of a pair that counts, in nats.
     start_sweeps
         Updates of one policy on the task and staying in the middle, from which all candidates then start;
-        0: from random weights.
+        0: from random weights. KL-encouraged: the last stage of several, on 300 steps.
     short_sweeps, short_steps, long_sweeps
         TRPO updates on episodes of that many steps, then updates on the full 1,000.
     blur
