@@ -115,8 +115,9 @@ def _best_of_staged(recipe: Recipe) -> GaussianPolicies:
     """The policy that falls least, then that balances best, of a few trained in stages.
 
     Candidates that start from it and see whole episodes from the first update on stay up at a trust region of
-    .01 (10 of 12 after 30 updates, weight .02, bound 3); on 200 steps at .03, divergence drove 9 of 10 off
-    the rail. The longer the training, the further apart, and the more fall: 8 of 12 after 50.
+    .01 (10 of 12 after 30 updates, weight .02, bound 3); on 200 steps at .03 and bound 10, 9 of 10
+    ended up falling. The longer the training, the further apart, and the more fall: 12 of 12 were able
+    after 25 updates and 8 after 50 (another seed).
     """
     policies = fresh_policies(_STARTERS, torch.Generator().manual_seed(recipe.seed + 10))
     staged = replace(recipe, kl=_START_KL)
