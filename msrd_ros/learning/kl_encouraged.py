@@ -25,13 +25,13 @@ def pairwise_divergence(policies: GaussianPolicies, states: Tensor, bound: float
     bound
         Largest divergence of a pair that counts, in nats.
     """
-    strategies = policies.strategies
+    strategies, shared = policies.strategies, states.shape[0] == 1
     states = states.expand(strategies, -1, -1)
     with torch.no_grad():
         own = policies.distribution(states)
         total = torch.zeros(states.shape[:2])
         for shift in range(1, strategies):
-            other = _roll(policies, states, shift)
+            other = _roll(own, shift) if shared else _others(policies, states, shift)
             ratio = torch.exp(2.0 * (own.log_std - other.log_std))
             moved = (own.mean - other.mean).square() * torch.exp(-2.0 * other.log_std)
             pair = 0.5 * (ratio + moved - 1.0) + other.log_std - own.log_std
@@ -39,10 +39,14 @@ def pairwise_divergence(policies: GaussianPolicies, states: Tensor, bound: float
     return total
 
 
-def _roll(policies: GaussianPolicies, states: Tensor, shift: int) -> GaussianDistribution:
+def _roll(distribution: GaussianDistribution, shift: int) -> GaussianDistribution:
+    """Row k becomes row ``k + shift``."""
+    return GaussianDistribution(*(part.roll(-shift, dims=0) for part in distribution))
+
+
+def _others(policies: GaussianPolicies, states: Tensor, shift: int) -> GaussianDistribution:
     """Distributions of strategy ``k + shift`` at the states of strategy k."""
-    rolled = policies.distribution(states.roll(shift, dims=0))
-    return GaussianDistribution(rolled.mean.roll(-shift, dims=0), rolled.log_std.roll(-shift, dims=0))
+    return _roll(policies.distribution(states.roll(shift, dims=0)), shift)
 
 
 class KLEncouragedReward:

@@ -29,22 +29,26 @@ def extrinsic(states: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class DivergenceTruth:
-    """The bounded KL-encouraged reward among the kept strategies (paper, Equation 9).
+    """The bounded KL-encouraged reward that the kept strategies were trained on (paper, Equation 9).
 
     Attributes
     ----------
-    policies
-        The demonstrators themselves.
+    candidates
+        All policies that were trained together: each was rewarded for differing from every one of them,
+        from those not kept as well.
     bound
         Largest divergence of a pair that counts, in nats.
+    kept
+        Indices of the kept ones.
     """
 
-    policies: GaussianPolicies
+    candidates: GaussianPolicies
     bound: float
+    kept: tuple[int, ...]
 
     def table(self, states: Tensor) -> Tensor:
-        """``[S, N]``."""
-        return pairwise_divergence(self.policies, states.unsqueeze(0), self.bound)
+        """Of ``states [N, O]``, ``[S, N]``: from 0 to `bound` times the number of other candidates, nats."""
+        return pairwise_divergence(self.candidates, states.unsqueeze(0), self.bound)[list(self.kept)]
 
 
 @dataclass(frozen=True)
