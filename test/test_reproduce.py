@@ -23,6 +23,7 @@ from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.experiments.reproduce import main
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
+from msrd_ros.experiments.virtual_studies.frozen_rewards import frozen_rewards
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method, train
 from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
@@ -208,3 +209,22 @@ def test_known_preferences_are_what_they_say() -> None:
     assert float(table[11, 1]) == 0.0
     assert float(table[14, 2]) == pytest.approx(0.0, abs=1e-6)
     assert float(table[0, 1]) == -4.0
+
+
+@pytest.mark.parametrize(
+    "method", [Method.MSRD, Method.AIRL, Method.AIRL_EACH, Method.CLASSIFIER, Method.ORACLE]
+)
+def test_rewards_row_by_row_are_the_own_rows_of_the_table(method: Method) -> None:
+    data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
+    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
+    estimate = train(PENDULUM, method, data, budget, 5)
+    states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
+    assert estimate.strategies is not None or method is Method.AIRL
+    for name, rewards in frozen_rewards(estimate).items():
+        own = rewards(states)
+        assert own.shape == states.shape[:2], name
+        for index, row in enumerate(states):
+            judged = rewards(row)
+            if judged.dim() == 2:
+                judged = judged[index if len(judged) > 1 else 0]
+            torch.testing.assert_close(own[index], judged)

@@ -25,9 +25,10 @@ def size(maker: type[MSRD], price: float) -> float:
     trainer = maker(config, data, BatchedCollector(PointMass()), 0)
     for _ in range(3):
         trainer.sweep()
-    states = torch.as_tensor(data.observations[:1], dtype=torch.float32)
-    actions = torch.as_tensor(data.actions[:1], dtype=torch.float32)
-    values = trainer.rewards.table(Transitions.of(states, actions))
+    strategies = trainer.rewards.strategies
+    states = torch.as_tensor(data.observations[:1], dtype=torch.float32).expand(strategies, -1, -1, -1)
+    actions = torch.as_tensor(data.actions[:1], dtype=torch.float32).expand(strategies, -1, -1, -1)
+    values = trainer.rewards(Transitions.of(states, actions))
     chosen = (values.combined if maker is airl_per_strategy else values.task).detach()
     return float(chosen.square().mean().sqrt())
 

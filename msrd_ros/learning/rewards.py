@@ -141,11 +141,6 @@ class RewardModel(nn.Module):
         """The same for S_i."""
         return self._inputs(self.strategy_features, transitions)
 
-    def table(self, transitions: Transitions) -> RewardValues:
-        """Every strategy's reward of the *same* ``[1, N]`` transitions, as ``[S, N]``."""
-        packed = transitions.packed.expand(self.strategies, -1, -1)
-        return self(Transitions(packed, transitions.observation_width, transitions.action_width))
-
     def _inputs(self, features: Features, transitions: Transitions) -> Tensor:
         inputs = features(transitions.next_observation)
         return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
@@ -184,17 +179,22 @@ class RewardEnsemble(nn.ModuleList):
         """How R_i is composed."""
         return self.members[0].form
 
-    @torch.no_grad()
-    def task(self, states: Tensor) -> Tensor:
-        """R0 of ``states [N, O]``, ``[N]``."""
-        single = states.unsqueeze(0)
-        values = [model.task_network(model.task_features(single))[0, :, 0] for model in self.members]
-        return torch.stack(values).mean(dim=0)
+    @property
+    def strategies(self) -> int:
+        """Number of strategies, S."""
+        return self.members[0].strategies
 
     @torch.no_grad()
-    def table(self, transitions: Transitions) -> RewardValues:
-        """Every strategy's rewards of the same ``[1, N]`` transitions, as ``[S, N]``."""
-        tables = [model.table(transitions) for model in self.members]
+    def task(self, states: Tensor) -> Tensor:
+        """R0 of states ``[..., O]``, ``[...]``."""
+        single = states.reshape(1, -1, states.shape[-1])
+        values = [model.task_network(model.task_features(single))[0, :, 0] for model in self.members]
+        return torch.stack(values).mean(dim=0).reshape(states.shape[:-1])
+
+    @torch.no_grad()
+    def forward(self, transitions: Transitions) -> RewardValues:
+        """R_i, R0 and S_i of ``[S, N]`` transitions, row i judged by strategy i."""
+        tables = [model(transitions) for model in self.members]
         return RewardValues(
             torch.stack([values.combined for values in tables]).mean(dim=0),
             torch.stack([values.task for values in tables]).mean(dim=0),

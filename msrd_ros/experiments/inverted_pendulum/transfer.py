@@ -15,7 +15,7 @@ from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
-from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards
+from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards, by_row
 from msrd_ros.experiments.virtual_studies.evaluation import table_over
 from msrd_ros.experiments.virtual_studies.frozen_rewards import FrozenReward, frozen_rewards
 from msrd_ros.experiments.virtual_studies.methods import Method
@@ -61,10 +61,10 @@ def run_transfer(
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Train on every reward under every body; marks by body, method and reward, then per strategy."""
-    truth = demonstrators.truth
+    preference = by_row(demonstrators.truth.table)
 
     def true_reward(states: Tensor) -> Tensor:
-        return -states[None, :, 1].abs() + 0.1 * truth.table(states).clamp(min=-10.0)
+        return -states[..., 1].abs() + 0.1 * preference(states).clamp(min=-10.0)
 
     results: dict[str, Any] = {}
     for name, body in BODIES.items():

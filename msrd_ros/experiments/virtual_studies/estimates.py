@@ -14,6 +14,8 @@ from msrd_ros.learning.rewards import RewardEnsemble, RewardForm, RewardValues
 from msrd_ros.learning.trajectories import Transitions
 
 Rewards = Callable[[Tensor], Tensor]
+"""Rewards of states. A task reward maps ``[..., O]`` to ``[...]``. Rewards of strategies map ``[N, O]`` to
+every strategy's ``[S, N]``, and ``[S, N, O]`` to what strategy i says of row i, ``[S, N]``."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +25,11 @@ class Estimate:
     Attributes
     ----------
     task
-        Maps states ``[N, O]`` to R0 ``[N]``; None if the method claims none.
+        R0; None if the method claims none.
     strategies
-        Maps states ``[N, O]`` to the strategy-only rewards ``[S, N]``; None if the method claims none.
+        Strategy-only rewards; None if the method claims none.
     combined
-        Maps states ``[N, O]`` to R_i ``[S, N]`` (``[1, N]`` for a single reward); None if there is none.
+        R_i (a single reward gives one row); None if there is none.
     weights
         The numbers behind the functions, to keep.
     seconds, environment_steps
@@ -61,12 +63,14 @@ def from_rewards(
 
     def values(states: Tensor) -> RewardValues:
         width, actions = task.observation_width, task.action_width
-        packed = torch.zeros(1, states.shape[0], 2 * width + actions + 2)
-        packed[0, :, width + actions : 2 * width + actions] = states
-        return rewards.table(Transitions(packed, width, actions))
+        packed = torch.zeros(*states.shape[:-1], 2 * width + actions + 2)
+        packed[..., width + actions : 2 * width + actions] = states
+        rows = packed if packed.dim() == 3 else packed.expand(rewards.strategies, -1, -1)
+        return rewards(Transitions(rows, width, actions))
 
     def mean_reward(states: Tensor) -> Tensor:
-        return values(states).combined.mean(dim=0)
+        flat = states.reshape(-1, states.shape[-1])
+        return values(flat).combined.mean(dim=0).reshape(states.shape[:-1])
 
     members: tuple[Estimate, ...] = ()
     if len(rewards) > 1:
@@ -86,16 +90,28 @@ def from_rewards(
     )
 
 
+def by_row(table: Rewards) -> Rewards:
+    """Let a function that only judges ``[N, O]`` by every strategy judge ``[S, N, O]`` row by row as well."""
+
+    def rewards(states: Tensor) -> Tensor:
+        if states.dim() == 2:
+            return table(states)
+        everything = table(states.flatten(0, 1)).unflatten(1, states.shape[:2])
+        return everything.diagonal(dim1=0, dim2=1).T
+
+    return rewards
+
+
 def from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
     """log q(i|s) as the strategy reward."""
     weights = dict(classifier.network.state_dict())
-    return Estimate(None, classifier.log_posterior, None, weights, seconds, 0)
+    return Estimate(None, by_row(classifier.log_posterior), None, weights, seconds, 0)
 
 
 def from_places(task: VirtualTask, places: Tensor, seconds: float) -> Estimate:
     """A guess that knows the answer's form: minus the distance to where the strategy's column settles."""
 
     def strategies(states: Tensor) -> Tensor:
-        return -(states[None, :, task.telling_column] - places[:, None]).abs()
+        return -(states[..., task.telling_column] - places[:, None]).abs()
 
     return Estimate(None, strategies, None, {"places": places}, seconds, 0)

@@ -16,7 +16,7 @@ class FrozenReward:
     Parameters
     ----------
     rewards
-        Maps states ``[N, O]`` to ``[S, N]`` or, shared by all, to ``[1, N]``.
+        Maps states ``[S, N, O]`` to ``[S, N]``.
     """
 
     def __init__(self, rewards: Rewards) -> None:
@@ -25,11 +25,7 @@ class FrozenReward:
     def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
         """Row i judged by strategy i, ``[S, K, T]``."""
         states = torch.as_tensor(rollouts.observations[:, :, 1:])
-        rows = []
-        for index in range(states.shape[0]):
-            values = self._rewards(states[index].reshape(-1, states.shape[-1]))
-            rows.append(values[index if values.shape[0] > 1 else 0].reshape(states.shape[1:3]))
-        return torch.stack(rows)
+        return self._rewards(states.flatten(1, 2)).unflatten(1, states.shape[1:3])
 
 
 def frozen_rewards(estimate: Estimate) -> dict[str, Rewards]:
@@ -40,6 +36,5 @@ def frozen_rewards(estimate: Estimate) -> dict[str, Rewards]:
     if estimate.strategies is not None:
         found["S_i alone"] = estimate.strategies
     if estimate.task is not None:
-        task = estimate.task
-        found["R0 alone"] = lambda states: task(states).unsqueeze(0)
+        found["R0 alone"] = estimate.task
     return found
