@@ -108,7 +108,7 @@ class StudyPlan:
         return cls(
             seeds=1,
             other_truth_seeds=0,
-            budget=Budget(sweeps=8, episodes=1, horizon=1000, cloning_steps=200, classifier_steps=400),
+            budget=Budget(sweeps=12, episodes=1, horizon=1000, cloning_steps=200, classifier_steps=400),
             demonstrations=8,
             test_repeats=1,
             test_clean=2,
