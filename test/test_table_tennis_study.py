@@ -275,12 +275,15 @@ def test_every_condition_has_a_file_of_its_own() -> None:
 
 
 def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> None:
-    training = make_training(Method.MSRD_PER_STROKE, data, Budget(), 0)
+    budget = Budget(sweeps=1, episodes=4, cloning_steps=5, threads=1)
+    training = make_training(Method.MSRD_PER_STROKE, data, budget, 0)
     assert training.owners == ("push", "slice", "topspin")
     assert training.trainer.rewards.strategy_network.copies == 3
     assert training.strategy_matrix(data.held_out).shape == (3, 3)
     _, strategies = training.rewards_of(data.held_out[0].observations[None], 0)
     assert strategies[0] == strategies[3]
+    training.trainer.clone()
+    assert training.trainer.sweep()["environment_steps"] > 0
     assert make_training(Method.MSRD, data, Budget(), 0).owners == tuple(map(str, ALL_LABELS))
 
 

@@ -124,7 +124,7 @@ def of_others(
     step = torch.randint(1, max(strategies, 2), (strategies, count), generator=generator)
     index = torch.randint(available, (strategies, count), generator=generator)
     source = (own + step) % strategies
-    if owners is not None:
+    if owners is not None and count:
         strangers = (owners[:, None] != owners[None, :]).float()
         source = torch.multinomial(strangers, count, replacement=True, generator=generator)
     packed = batch.packed[source, index]

@@ -43,8 +43,9 @@ BURST = 50
 ACKNOWLEDGE_S = 0.05
 PATIENCE_S = 5.0
 """How long to wait at the end: Fast DDS asks its readers what they have every 3 s."""
-GRACE_S = 1.0
-"""How long to wait for the less important subscribers once there are some for joints and ball."""
+GRACE_S = 2.0
+"""How long to wait for the less important subscribers once there are some for joints and ball: without feed
+and outcome a trainer makes nothing of a stroke, and a starved machine discovers topics one by one."""
 CLOCK_PERIOD_NS = 5_000_000
 
 
@@ -107,6 +108,7 @@ class Player(StackNode):
         self._budget = 0.0
         self._ticked_s = time.monotonic()
         self._since_s = time.monotonic()
+        self._heard_s = 0.0
         self._first_sent_s = 0.0
         self._played_bags = 0
         self._failed_bags = 0
@@ -210,8 +212,10 @@ class Player(StackNode):
             self.get_logger().warning(
                 f"nobody subscribes to {' and '.join(needed)} on this domain; playing all the same"
             )
-        elif missing and waited_s < GRACE_S:
-            return
+        else:
+            self._heard_s = self._heard_s or now_s
+            if missing and now_s - self._heard_s < GRACE_S:
+                return
         if self._first_sent_s == 0.0:
             self._first_sent_s = now_s + (0.0 if needed else self.config.start_delay_s)
         if now_s >= self._first_sent_s:

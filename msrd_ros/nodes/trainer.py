@@ -200,6 +200,11 @@ class Trainer(StackNode):
         """Set up training and start its thread."""
         config = self.config
         if self._played is not None:
+            if self._played.lost:
+                self.get_logger().warning(
+                    f"{self._played.lost} messages of joint_states and ball/position went missing on their "
+                    "way, and strokes with them; play more slowly, or train from the folder of bags"
+                )
             self._played.close()
         settings = StrokeTrainingConfig(
             method=config.method,
