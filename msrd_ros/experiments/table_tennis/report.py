@@ -232,7 +232,9 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
         undone = method["undone"]
         if undone is None:
             continue
-        diagonal = "-" if method["diagonal"][0] is None else ", ".join(map(str, method["diagonal"]))
+        diagonal = "-"
+        if method["diagonal"][0] is not None:
+            diagonal = f"{', '.join(map(str, method['diagonal']))} of {len(method['matrix'][0])}"
         rows.append(
             [
                 NAMES[name],
@@ -244,7 +246,7 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
             ]
         )
     report.table(
-        ["method", "diagonal of 6, by seed", "reward, real", "return undone", "in order", "Friedman p"],
+        ["method", "diagonal, by seed", "reward, real", "return undone", "in order", "Friedman p"],
         rows,
         "Return undone: the launch is fitted to what the camera saw before the hit, and the ball flown on as "
         "if untouched, seen with the same noise. MSRD: the task reward; AIRL: its only reward; AIRL per "
