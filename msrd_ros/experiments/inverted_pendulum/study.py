@@ -93,7 +93,7 @@ class StudyPlan:
 
     seeds: int = 5
     other_truth_seeds: int = 5
-    # Of single runs one in ten has a task r of .992 to .996, whatever the demonstrations; of three, none.
+    # One run in ten has a task r of .996 or less, whatever the demonstrations; the mean of three has not.
     budget: Budget = field(default_factory=lambda: Budget(sweeps=80, members=3))
     demonstrations: int = 20
     test_repeats: int = 2
