@@ -212,11 +212,28 @@ class Demonstrator(StackNode):
                 return
             kept, reason = self._verdicts.pop(self._outcome.ball_id)
             if kept and verdict is not Verdict.KEPT:
-                # Returned, but not what was asked for: the recording is moved aside.
-                self._discard.call_async(Trigger.Request())
-            elif not kept and verdict is Verdict.KEPT:
+                self._have_moved_aside(verdict)
+                return
+            if not kept and verdict is Verdict.KEPT:
                 self.get_logger().warning(f"the recorder did not keep a good stroke: {reason}")
                 verdict = Verdict.ABORTED
+        self._conclude(verdict)
+
+    def _have_moved_aside(self, verdict: Verdict) -> None:
+        """Returned, but not what was asked for: go on once the recorder has moved the recording aside.
+
+        With the next stroke under way the recorder would drop that one instead.
+        """
+        trial = self._trial
+        self._enter(Stage.JUDGING)
+
+        def answered(_: Future) -> None:
+            if self._stage is Stage.JUDGING and self._trial is trial:
+                self._conclude(verdict)
+
+        self._discard.call_async(Trigger.Request()).add_done_callback(answered)
+
+    def _conclude(self, verdict: Verdict) -> None:
         self._session.tell(verdict)
         self._bar.n = self._session.progress[0]
         self._bar.refresh()
