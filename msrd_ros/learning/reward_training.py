@@ -154,7 +154,7 @@ class RewardTraining:
         wanted = config.cross_weight > 0.0 or config.penalise_all
         if not wanted or self._rewards.strategy_network.copies < 2:
             return None
-        owners = self._rewards.owners if self._rewards.shares else None
+        owners = self._rewards.owners
         demonstrations = round(config.cross_demonstrations * config.cross_batch)
         return Transitions.join(
             [

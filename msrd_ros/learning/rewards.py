@@ -66,12 +66,12 @@ class RewardModel(nn.Module):
 
     Attributes
     ----------
-    shares
-        Whether any two strategies share a strategy-only reward.
+    owners
+        The same as ``[S]``, or None where each has its own.
     """
 
     alpha: Tensor
-    owners: Tensor
+    owners: Tensor | None
 
     def __init__(
         self,
@@ -91,8 +91,8 @@ class RewardModel(nn.Module):
         owners = owners or tuple(range(strategies))
         if len(owners) != strategies or set(owners) != set(range(max(owners) + 1)):
             raise ValueError(f"owners {owners}: give {strategies} numbers, counted from 0 without gaps")
-        self.shares = len(set(owners)) < strategies
-        self.register_buffer("owners", torch.tensor(owners), persistent=False)
+        shared = len(set(owners)) < strategies
+        self.register_buffer("owners", torch.tensor(owners) if shared else None, persistent=False)
         self.form = RewardForm(form)
         self.strategies = strategies
         self.sees_action = action_width > 0
@@ -146,7 +146,7 @@ class RewardModel(nn.Module):
         return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
 
     def _own(self, inputs: Tensor) -> Tensor:
-        return self.strategy_network(inputs, self.owners if self.shares else None).squeeze(-1)
+        return self.strategy_network(inputs, self.owners).squeeze(-1)
 
     def _shared(self, inputs: Tensor) -> Tensor:
         strategies, count, width = inputs.shape

@@ -44,13 +44,13 @@ def train_in_stages(
     body
         Masses and lengths that are played with; None for Gymnasium's.
     progress
-        Told the mean reward after each stage.
+        Told the mean reward every 20 updates and after each stage.
     """
     for stage in stages:
         training.collector = PendulumCollector(stage.horizon, body)
         training.episodes = stage.episodes
-        metrics: dict[str, float] = {}
-        for _ in range(stage.sweeps):
+        for done in range(1, stage.sweeps + 1):
             metrics = training.sweep()
-        if metrics:
-            progress(f"{stage.sweeps} updates on {stage.horizon} steps, reward {metrics['reward']:.3f}")
+            if done % 20 == 0 or done == stage.sweeps:
+                which = f"{done} of {stage.sweeps} updates on {stage.horizon} steps"
+                progress(f"{which}, reward {metrics['reward']:.3f}")

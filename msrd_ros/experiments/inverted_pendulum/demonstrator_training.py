@@ -76,13 +76,9 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     else:
         source = PreferenceReward(KnownPreferences.twenty(), recipe.weight)
     training = _training(policies, source, recipe.episodes, recipe)
-    for sweep in range(recipe.short_sweeps + recipe.long_sweeps):
-        if sweep == recipe.short_sweeps:
-            training.collector = PendulumCollector(1000)
-            training.episodes = 3
-        metrics = training.sweep()
-        if sweep % 20 == 19:
-            progress(f"demonstrators: sweep {sweep + 1}, reward {metrics['reward']:.3f}")
+    short = Stage(recipe.short_sweeps, recipe.episodes, recipe.short_steps)
+    long = Stage(recipe.long_sweeps, 3, 1000)
+    train_in_stages(training, (short, long), progress=lambda line: progress(f"demonstrators: {line}"))
     if isinstance(source, DiaynReward):
         _settle_posterior(source, policies, recipe.seed)
     kept, report = _choose(policies, recipe)

@@ -118,6 +118,11 @@ def normalised(values: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.asarray((values - low) / np.maximum(high - low, 1e-12), dtype=np.float64)
 
 
+def task_correlation(task: Rewards, test: TestSet) -> float:
+    """Task reward against the truth over all noisy trajectories, normalised per strategy (the paper's)."""
+    return correlation(normalised(mean_over(task, test.noisy)), normalised(test.task_truth))
+
+
 @dataclass(frozen=True)
 class Scores:
     """An estimate's marks; None where the method makes no such claim.

@@ -20,14 +20,7 @@ from safetensors.torch import save as save_tensors
 
 from msrd_ros.experiments.run_keys import digest
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
-from msrd_ros.experiments.virtual_studies.evaluation import (
-    TestSet,
-    correlation,
-    evaluate,
-    make_test_set,
-    mean_over,
-    normalised,
-)
+from msrd_ros.experiments.virtual_studies.evaluation import TestSet, evaluate, make_test_set, task_correlation
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method, configure, restore, train
 from msrd_ros.experiments.virtual_studies.statistics import summarise
 from msrd_ros.experiments.virtual_studies.task import Demonstrators, VirtualTask
@@ -132,7 +125,10 @@ class Runs:
                 estimate = self.estimate(method, repetition)
                 result: dict[str, Any] = asdict(evaluate(estimate, test))
                 result |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
-                result["task_r_members"] = [_task_r(member, test) for member in estimate.members]
+                result["task_r_members"] = [
+                    None if member.task is None else task_correlation(member.task, test)
+                    for member in estimate.members
+                ]
                 result["fallen_share"] = float(test.fallen.mean())
                 row = scores.setdefault(method.value, {})
                 for name, value in result.items():
@@ -155,9 +151,3 @@ class Runs:
         if method in (Method.CLASSIFIER, Method.ORACLE):
             return [method.value, self.budget.classifier_steps]
         return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
-
-
-def _task_r(estimate: Estimate, test: TestSet) -> float | None:
-    if estimate.task is None:
-        return None
-    return correlation(normalised(mean_over(estimate.task, test.noisy)), normalised(test.task_truth))
