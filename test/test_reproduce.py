@@ -28,7 +28,6 @@ from msrd_ros.experiments.virtual_studies.methods import Budget, Method, train
 from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
 
-KINDS = [Kind.DIAYN, Kind.KNOWN_PREFERENCE]
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +134,7 @@ def test_missing_module_is_named(
     assert "install" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", Kind)
 def test_cached_demonstrators_solve_the_task_and_survive_a_file(kind: Kind, tmp_path: Path) -> None:
     demonstrators = cached_demonstrators(kind)
     data = demonstrators.demonstrate(2, seed=77)

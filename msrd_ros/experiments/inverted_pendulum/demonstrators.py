@@ -1,6 +1,7 @@
 """Ways to balance a pole: what demonstrators are, and how they are kept as data files.
 
-The recipe that made a file stands in its header, and ``make_demonstrators`` run with it makes the file again.
+The recipe that made a file stands in its header, and
+``python -m msrd_ros.experiments.inverted_pendulum.demonstrator_training KIND`` makes the file again.
 """
 
 from __future__ import annotations
@@ -59,8 +60,9 @@ class Recipe:
     bound
         KL-encouraged: largest divergence of a pair that counts, in nats.
     start_sweeps
-        Updates of one policy on the task and staying in the middle, from which all candidates then start;
-        0: from random weights. KL-encouraged: the last stage of several, on 300 steps.
+        Updates on the task and staying in the middle, before anything else; 0: none. Known preference: of one
+        policy, from which all candidates then start. KL-encouraged: of every candidate, on 300 steps, after
+        stages on shorter episodes.
     short_sweeps, short_steps, long_sweeps
         TRPO updates on episodes of that many steps, then updates on the full 1,000.
     blur
@@ -170,7 +172,12 @@ def _truth(recipe: Recipe, report: dict[str, Any], tensors: dict[str, Tensor]) -
     return PosteriorTruth(posterior, pendulum_features(), kept)
 
 
+def cached_path(kind: Kind) -> Path:
+    """Where the package keeps a set."""
+    folder = files("msrd_ros.experiments.inverted_pendulum") / "data"
+    return Path(str(folder / f"{kind.value}.safetensors"))
+
+
 def cached_demonstrators(kind: Kind) -> Demonstrators:
     """The set that comes with the package."""
-    folder = files("msrd_ros.experiments.inverted_pendulum") / "data"
-    return load_demonstrators(Path(str(folder / f"{kind.value}.safetensors")))
+    return load_demonstrators(cached_path(kind))

@@ -99,7 +99,7 @@ class StudyPlan:
     test_repeats: int = 2
     test_clean: int = 5
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
-    kinds: tuple[Kind, ...] = (Kind.DIAYN, Kind.KNOWN_PREFERENCE)
+    kinds: tuple[Kind, ...] = (Kind.DIAYN, Kind.KNOWN_PREFERENCE, Kind.KL_ENCOURAGED)
     workers: int = 2
 
     @classmethod

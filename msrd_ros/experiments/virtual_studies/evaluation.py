@@ -50,6 +50,12 @@ class TestSet:
         """Noisy trajectories without a fall, ``[m, T+1, O]``."""
         return self.noisy[~self.fallen]
 
+    @property
+    def truth_diagonal(self) -> int:
+        """Strategies whose own clean trajectories score highest under their own true preference."""
+        strategies = self.clean.shape[0]
+        return _diagonal(self.clean_truth.reshape(strategies, strategies, -1).mean(axis=2))
+
 
 def make_test_set(
     task: VirtualTask, demonstrators: Demonstrators, seed: int, repeats: int = 2, clean: int = 5
@@ -183,9 +189,14 @@ def evaluate(estimate: Estimate, test: TestSet) -> Scores:
         scores,
         strategy_r=[correlation(flat[i], test.clean_truth[i]) for i in range(strategies)],
         strategy_r_unfallen=[correlation(unfallen[i], test.unfallen_truth[i]) for i in range(strategies)],
-        diagonal=int((matrix.argmax(axis=1) == np.arange(strategies)).sum()),
+        diagonal=_diagonal(matrix),
         matrix=matrix.tolist(),
     )
+
+
+def _diagonal(matrix: NDArray[np.float64]) -> int:
+    """Rows of ``[S, S]`` whose largest value is on the diagonal."""
+    return int((matrix.argmax(axis=1) == np.arange(len(matrix))).sum())
 
 
 def _unfallen_normalised(

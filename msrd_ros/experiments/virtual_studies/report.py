@@ -139,6 +139,8 @@ def other_truths(report: Report, populations: dict[str, Any]) -> None:
         report.heading(f"Another truth: {kind.replace('_', '-')} demonstrators")
         report.paragraph(
             f"{len(population['seeds'])} seed(s). Nothing was tuned on these demonstrators, and no posterior "
-            "over strategies had a hand in their preferences."
+            "over strategies had a hand in their preferences. By these preferences themselves "
+            f"{np.mean(population['truth_diagonal']):.1f} of {len(population['demonstrators']['kept'])} "
+            "strategies score highest on their own trajectories."
         )
         score_table(report, population["methods"])

@@ -119,8 +119,10 @@ class Runs:
         methods = tuple(methods)
         self.prepare(methods, repetitions)
         scores: dict[str, dict[str, list[Any]]] = {}
+        truth_diagonal = []
         for repetition in range(repetitions):
             test = self.test_set(repetition)
+            truth_diagonal.append(test.truth_diagonal)
             for method in methods:
                 estimate = self.estimate(method, repetition)
                 result: dict[str, Any] = asdict(evaluate(estimate, test))
@@ -136,6 +138,7 @@ class Runs:
         return {
             "seeds": list(range(repetitions)),
             "demonstrators": self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)},
+            "truth_diagonal": truth_diagonal,
             "methods": scores,
             "tests": summarise(scores),
         }
