@@ -84,6 +84,7 @@ def test_metrics_hold_every_method_label_and_seed(metrics: dict) -> None:
     assert np.allclose(matrix.max(axis=2), 1.0)
     assert np.allclose(matrix.min(axis=2), 0.0)
     assert msrd["diagonal"] == [diagonal_wins(matrix[0])]
+    assert msrd["strategy_rewards"] == metrics["labels"]
     assert np.array(msrd["undone"]["real"]).shape == np.array(msrd["undone"]["undone"]).shape == (1, 18)
     assert 0.0 <= msrd["undone"]["friedman_p"] <= 1.0
     assert metrics["methods"]["airl"]["matrix"] == [None]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msrd_ros.experiments.stroke_figures import SIDE_LINES, STROKE_COLOURS, draw_matrix
-from msrd_ros.facts.labels import StrategyLabel, Stroke
+from msrd_ros.facts.labels import StrategyLabel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +70,7 @@ def exchange(curve: list[dict[str, Any]]) -> Figure:
     return figure
 
 
-def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
+def matrices(methods: dict[str, Any]) -> Figure:
     """Strategy matrices of the first seed, of every method that has one."""
     import matplotlib.pyplot as plt
 
@@ -78,7 +78,7 @@ def matrices(methods: dict[str, Any], labels: list[str]) -> Figure:
     figure, panels = plt.subplots(1, len(shown), figsize=(4.6 * len(shown), 4.4), squeeze=False)
     for axes, (name, matrix) in zip(panels[0], shown.items(), strict=True):
         draw_matrix(axes, matrix, fontsize=7)
-        names = labels if len(matrix) == len(labels) else [stroke.value for stroke in Stroke]
+        names = methods[name]["strategy_rewards"]
         axes.set_xticks(range(len(names)), names, rotation=40, ha="right", fontsize=7)
         axes.set_yticks(range(len(names)), names, fontsize=7)
         axes.set_title(name, fontsize=9)

@@ -55,9 +55,10 @@ def judge(
     Returns
     -------
     dict
-        ``matrix`` (rows: rewards S_i, columns: strokes, rows scaled to [0, 1]), ``diagonal``, and
-        ``undone`` with the mean reward a step of every pair. AIRL with one reward has no matrix; AIRL per
-        strategy has no task reward, so that there each stroke's own reward is taken for it.
+        ``matrix`` (rows: rewards S_i, columns: strokes, rows scaled to [0, 1]), ``strategy_rewards`` (the
+        names of its rows and columns), ``diagonal``, and ``undone`` with the mean reward a step of every
+        pair. AIRL with one reward has no matrix; AIRL per strategy has no task reward, so that there each
+        stroke's own reward is taken for it.
     """
     training = make_training(method, data, budget, seed)
     training.trainer.averaged_rewards.load_state_dict(rewards)
@@ -65,6 +66,7 @@ def judge(
     if method not in WITHOUT_STRATEGY_REWARDS:
         matrix = training.strategy_matrix(data.held_out)
         result |= {"matrix": matrix.tolist(), "diagonal": diagonal_wins(matrix)}
+        result["strategy_rewards"] = list(training.owners)
     values = np.zeros((len(pairs), 2))
     for column in range(2):
         seen = np.stack([pair[column].observations[FIRST_ACTING_STEP:] for pair in pairs])

@@ -255,7 +255,7 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
         "without and with them stands in the rows of the supplement, where it was run.",
     )
     report.figure(
-        figures.matrices({NAMES[name]: m for name, m in methods.items()}, metrics["labels"]),
+        figures.matrices({NAMES[name]: m for name, m in methods.items()}),
         "Strategy rewards (rows) on held-out strokes of each strategy (columns), rows scaled to [0, 1], "
         "first seed.",
     )

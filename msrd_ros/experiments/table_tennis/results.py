@@ -72,6 +72,7 @@ def method_metrics(rows: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> 
         "limits": [row["limits"] for row in rows],
         "spins": {label: [spin for row in rows for spin in row["rates"][label]["spins"]] for label in labels},
         "diagonal": [row.get("diagonal") for row in rows],
+        "strategy_rewards": rows[0].get("strategy_rewards"),
         "matrix": [row.get("matrix") for row in rows],
         "undone": None,
     }
