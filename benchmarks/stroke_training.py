@@ -12,7 +12,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -31,6 +31,15 @@ EVERY = 5
 GOOD = 0.95
 
 Change = Callable[[MSRDConfig], MSRDConfig]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The recipe with one thing changed: its settings, its start, or what it trains on."""
+
+    change: Change = lambda config: config
+    cloned: bool = True
+    scattered: bool = True
 
 
 def trust_region(**changes: float) -> Change:
@@ -53,28 +62,32 @@ def discriminator(**changes: float) -> Change:
     return lambda config: replace(config, discriminator=replace(config.discriminator, **changes))
 
 
-CHANGES: dict[str, Change] = {
-    "the recipe": lambda config: config,
-    "no cloning before": lambda config: config,
-    "start postures not scattered": lambda config: config,
-    "exploration 0.2 of full speed": policy(std=0.2, std_max=0.25),
-    "exploration 0.03": policy(std=0.03, std_max=0.04),
-    "R - log pi as the reward": lambda config: replace(config, policy_reward=PolicyReward.LOGIT),
-    "the paper's loss": as_printed,
-    "10 CG steps on a fifth, damping 0.1": trust_region(cg_iterations=10, fisher_fraction=0.2, damping=0.1),
-    "20 steps of value fitting": value(steps=20),
-    "half the steps of the rewards": discriminator(steps=10),
+VARIANTS = {
+    "the recipe": Variant(),
+    "no cloning before": Variant(cloned=False),
+    "start postures not scattered": Variant(scattered=False),
+    "exploration 0.2 of full speed": Variant(policy(std=0.2, std_max=0.25)),
+    "exploration 0.03": Variant(policy(std=0.03, std_max=0.04)),
+    "R - log pi as the reward": Variant(lambda config: replace(config, policy_reward=PolicyReward.LOGIT)),
+    "the paper's loss": Variant(as_printed),
+    "10 CG steps on a fifth, damping 0.1": Variant(
+        trust_region(cg_iterations=10, fisher_fraction=0.2, damping=0.1)
+    ),
+    "20 steps of value fitting": Variant(value(steps=20)),
+    "half the steps of the rewards": Variant(discriminator(steps=10)),
 }
 
 
-def train(name: str, seed: int, sweeps: int) -> tuple[list[tuple[float, np.ndarray]], dict[str, float]]:
+def train(
+    variant: Variant, seed: int, sweeps: int
+) -> tuple[list[tuple[float, np.ndarray]], dict[str, float]]:
     """Seconds and returned shares by stroke every few sweeps, and milliseconds of a sweep by part."""
     episodes = load_episodes(shipped_bags(), lambda line: None)
-    noise = 0.0 if "not scattered" in name else 0.03
-    settings = StrokeTrainingConfig(sweeps=sweeps, seed=9100 + seed, ready_noise_rad=noise)
+    noise_rad = 0.03 if variant.scattered else 0.0
+    settings = StrokeTrainingConfig(sweeps=sweeps, seed=9100 + seed, ready_noise_rad=noise_rad)
     training = StrokeTraining(episodes, mean_landing_points(episodes), settings)
     judging = StrokeTraining(episodes, {}, replace(settings, ready_noise_rad=0.03))
-    config = CHANGES[name](training.trainer.config)
+    config = variant.change(training.trainer.config)
     collector = BatchedCollector(training.simulator)
     training.trainer = MSRD(config, training.demonstrations, collector, settings.seed)
     judging.trainer = training.trainer
@@ -87,7 +100,7 @@ def train(name: str, seed: int, sweeps: int) -> tuple[list[tuple[float, np.ndarr
             parts = seconds_of_parts([training.trainer])
         elif sweep:
             training.trainer.sweep()
-        elif name != "no cloning before":
+        elif variant.cloned:
             training.trainer.clone()
         seconds += time.perf_counter() - started
         if sweep % EVERY == 0:
@@ -100,7 +113,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sweeps", type=int, default=40)
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--only", nargs="+", default=list(CHANGES), choices=list(CHANGES))
+    parser.add_argument("--only", nargs="+", default=list(VARIANTS), choices=list(VARIANTS))
     options = parser.parse_args()
     torch.set_num_threads(1)
     print(f"{options.sweeps} sweeps, {options.seeds} seed(s); returned: % of balls, mean / worst stroke")
@@ -108,7 +121,7 @@ def main() -> None:
     for name in options.only:
         start, end, reached, sweep, shares = [], [], [], [], []
         for seed in range(options.seeds):
-            curve, parts = train(name, seed, options.sweeps)
+            curve, parts = train(VARIANTS[name], seed, options.sweeps)
             start.append(curve[0][1])
             end.append(curve[-1][1])
             reached.append(next((at for at, returned in curve if returned.min() >= GOOD), np.inf))

@@ -13,13 +13,13 @@ from quick_studies import play, written_by_virtual_study
 pytest.importorskip("gymnasium")
 pytest.importorskip("mujoco")
 
+from msrd_ros.experiments.hopper.demonstrator_training import GaitReward, choose_pair
 from msrd_ros.experiments.hopper.demonstrators import (
+    KL_ENCOURAGED_PAIR,
     PAIRS,
     TUNING_PAIR,
-    GaitReward,
     Recipe,
     cached_demonstrators,
-    choose_pair,
     extrinsic,
     hopper_features,
     load_demonstrators,
@@ -68,7 +68,7 @@ def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[P
     assert seconds < 0.5 * quick[1]
 
 
-@pytest.mark.parametrize("pair", [*PAIRS, TUNING_PAIR])
+@pytest.mark.parametrize("pair", [*PAIRS, KL_ENCOURAGED_PAIR, TUNING_PAIR])
 def test_cached_pairs_hop_and_crawl_at_near_equal_speed(pair: str, tmp_path: Path) -> None:
     demonstrators = cached_demonstrators(pair)
     data = demonstrators.demonstrate(4, seed=77)
@@ -88,8 +88,11 @@ def test_cached_pairs_hop_and_crawl_at_near_equal_speed(pair: str, tmp_path: Pat
 
 
 def test_pairs_were_trained_apart() -> None:
-    seeds = {cached_demonstrators(pair).recipe.seed for pair in (*PAIRS, TUNING_PAIR)}
-    assert len(seeds) == 3
+    recipes = {pair: cached_demonstrators(pair).recipe for pair in (*PAIRS, KL_ENCOURAGED_PAIR, TUNING_PAIR)}
+    assert len({recipe.seed for recipe in recipes.values()}) == 4
+    assert [pair for pair, recipe in recipes.items() if recipe.divergence_bound is not None] == [
+        KL_ENCOURAGED_PAIR
+    ]
 
 
 def test_damaged_demonstrators_are_refused(tmp_path: Path) -> None:

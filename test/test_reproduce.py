@@ -29,7 +29,6 @@ from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paire
 from msrd_ros.facts.errors import UserError
 
 
-
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
     folder = tmp_path_factory.mktemp("study")

@@ -28,7 +28,10 @@ CHANGED = HopperBody(mass=1.2, friction=0.5)
 
 @dataclass(frozen=True)
 class TransferPlan:
-    """Training of the fresh policies.
+    """Training of the fresh policies, chosen by the true reward alone, on tuning seeds.
+
+    Four of them reached 1.09, 1.55 and 1.65 m/s on it after 50, 100 and 150 updates; half the trust region
+    gave 1.64, two episodes of 1,000 steps instead of six of 250 gave 1.60.
 
     Attributes
     ----------
@@ -40,10 +43,10 @@ class TransferPlan:
         Of initial weights, training and judging.
     """
 
-    sweeps: int = 100
+    sweeps: int = 150
     episodes: int = 6
     horizon: int = 250
-    starts: int = 2
+    starts: int = 4
     seed: int = 4000
 
 

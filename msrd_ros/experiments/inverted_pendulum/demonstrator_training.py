@@ -27,12 +27,12 @@ from msrd_ros.experiments.inverted_pendulum.demonstrators import (
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.truths import (
-    DivergenceTruth,
     KnownPreferences,
     PreferenceReward,
     extrinsic,
     pendulum_features,
 )
+from msrd_ros.experiments.virtual_studies.divergence_truth import DivergenceTruth
 from msrd_ros.experiments.virtual_studies.posterior_truth import PosteriorTruth
 from msrd_ros.experiments.virtual_studies.task import StrategyTruth
 from msrd_ros.facts.errors import UserError

@@ -18,12 +18,9 @@ from torch import Tensor
 
 from msrd_ros.experiments.inverted_pendulum.environment import pendulum_layout
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
-from msrd_ros.experiments.inverted_pendulum.truths import (
-    DivergenceTruth,
-    KnownPreferences,
-    pendulum_features,
-)
+from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences, pendulum_features
 from msrd_ros.experiments.virtual_studies.demonstrator_files import read_demonstrators, write_demonstrators
+from msrd_ros.experiments.virtual_studies.divergence_truth import DivergenceTruth
 from msrd_ros.experiments.virtual_studies.posterior_truth import PosteriorTruth
 from msrd_ros.experiments.virtual_studies.task import StrategyTruth
 from msrd_ros.learning.networks import BatchedMLP

@@ -63,7 +63,7 @@ PENDULUM = VirtualTask(
     has_fallen=has_fallen,
     noise_levels=NOISE_LEVELS,
     telling_column=OBSERVATION_NAMES.index("cart_position"),
-    printed_preset=inverted_pendulum_as_printed,
+    own_presets=dict.fromkeys((Method.MSRD_AS_PRINTED, Method.AIRL_EACH), inverted_pendulum_as_printed),
 )
 
 

@@ -9,9 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from msrd_ros.learning.kl_encouraged import pairwise_divergence
 from msrd_ros.learning.networks import Features
-from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
 
 OBSERVATION_SCALES = (0.5, 0.3, 1.0, 2.0)
@@ -25,30 +24,6 @@ def pendulum_features() -> Features:
 def extrinsic(states: Tensor) -> Tensor:
     """True task reward of states ``[..., 4]``: minus the pole's absolute angle."""
     return -states[..., 1].abs()
-
-
-@dataclass(frozen=True)
-class DivergenceTruth:
-    """The bounded KL-encouraged reward that the kept strategies were trained on (paper, Equation 9).
-
-    Attributes
-    ----------
-    candidates
-        All policies that were trained together: each was rewarded for differing from every one of them,
-        from those not kept as well.
-    bound
-        Largest divergence of a pair that counts, in nats.
-    kept
-        Indices of the kept ones.
-    """
-
-    candidates: GaussianPolicies
-    bound: float
-    kept: tuple[int, ...]
-
-    def table(self, states: Tensor) -> Tensor:
-        """Of ``states [N, O]``, ``[S, N]``: from 0 to `bound` times the number of other candidates, nats."""
-        return pairwise_divergence(self.candidates, states.unsqueeze(0), self.bound)[list(self.kept)]
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,7 @@ class Budget:
 def configure(task: VirtualTask, method: Method, budget: Budget) -> MSRDConfig:
     """The settings of a method that plays; AIRL's own changes are in `msrd_ros.learning.airl`."""
     printed = method in (Method.MSRD_AS_PRINTED, Method.AIRL_EACH)
-    config = (task.printed_preset if printed and task.printed_preset else task.preset)()
+    config = task.own_presets.get(method.value, task.preset)()
     config = replace(
         config,
         sweeps=budget.sweeps,

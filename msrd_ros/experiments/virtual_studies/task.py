@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -98,9 +98,9 @@ class VirtualTask:
         Probabilities of random actions for test trajectories; beyond the last all are alike.
     telling_column
         Column of the observation whose settled mean tells the strategies apart, for the oracle.
-    printed_preset
-        Settings tuned for the paper's loss and AIRL per strategy, of which `as_printed` then takes whatever
-        the paper does not have; None: those of `preset`.
+    own_presets
+        By a method's name: settings tuned for it alone; without, those of `preset`. Of those for the paper's
+        loss and for AIRL per strategy `as_printed` then takes whatever the paper does not have.
     """
 
     name: str
@@ -114,4 +114,4 @@ class VirtualTask:
     has_fallen: Callable[[Observations], NDArray[np.bool_]]
     noise_levels: tuple[float, ...]
     telling_column: int
-    printed_preset: Callable[[], MSRDConfig] | None = None
+    own_presets: Mapping[str, Callable[[], MSRDConfig]] = field(default_factory=dict)
