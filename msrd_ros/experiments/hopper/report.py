@@ -103,8 +103,8 @@ def _other_truths(report: Report, populations: dict[str, Any]) -> None:
         report.heading(f"Another truth: {pair.replace('_', '-')} demonstrators")
         diagonal = np.mean(population["methods"]["oracle"]["truth_diagonal"])
         report.paragraph(
-            f"{len(population['seeds'])} run(s) on a hop and a crawl trained to differ in what they do rather "
-            "than in where they are. Nothing was tuned on them. By their own true preferences "
+            f"{len(population['seeds'])} run(s) on a hop and a crawl trained to differ in what they do, not "
+            "in where they are. Nothing was tuned on them. By their own true preferences "
             f"{diagonal:.1f} of 2 score highest on their own trajectories without noise."
         )
         _task_table(report, population["methods"])
