@@ -10,7 +10,8 @@ from torch.distributions import Normal, kl_divergence
 from msrd_ros.experiments.inverted_pendulum.curriculum import Stage, train_in_stages
 from msrd_ros.experiments.inverted_pendulum.demonstrators import fresh_policies
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
-from msrd_ros.experiments.inverted_pendulum.truths import DivergenceTruth, extrinsic, pendulum_features
+from msrd_ros.experiments.inverted_pendulum.truths import extrinsic, pendulum_features
+from msrd_ros.experiments.virtual_studies.divergence_truth import DivergenceTruth
 from msrd_ros.learning.kl_encouraged import KLEncouragedReward, pairwise_divergence
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining

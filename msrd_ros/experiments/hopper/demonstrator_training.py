@@ -27,6 +27,7 @@ from msrd_ros.experiments.hopper.demonstrators import (
     pair_path,
     played_policies,
     save_demonstrators,
+    trained_policies,
 )
 from msrd_ros.experiments.hopper.environment import Hopper, is_healthy, mean_speed
 from msrd_ros.experiments.virtual_studies.divergence_truth import DivergenceTruth
@@ -80,7 +81,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     none, the pair closest in speed among those above 1 m/s.
     """
     generator = torch.Generator().manual_seed(recipe.seed)
-    policies = gait_policies(recipe.strategies, generator, recipe.std, 1.0)
+    policies = gait_policies(recipe.strategies, generator, recipe.std)
     diversity = _diversity(recipe, generator)
     snapshots = _train(recipe, policies, diversity, progress)
     progress("demonstrators: judging the candidates")
@@ -109,7 +110,8 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
         truth = PosteriorTruth(diversity.posterior, hopper_features(), strategies, recipe.floor)
     else:
         assert recipe.divergence_bound is not None
-        truth = DivergenceTruth(played_policies(flat[settled], recipe), recipe.divergence_bound, strategies)
+        trained = trained_policies(torch.cat(snapshots)[settled], recipe)
+        truth = DivergenceTruth(trained, recipe.divergence_bound, strategies)
     rest = [index for index in range(len(speed)) if index not in (hop, crawl)]
     rest = [
         rest[place] for place in np.linspace(0, len(rest) - 1, min(OTHERS, len(rest))).round().astype(int)

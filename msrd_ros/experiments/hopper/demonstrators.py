@@ -147,15 +147,28 @@ class Demonstrators:
         return demonstrations
 
 
-def gait_policies(count: int, generator: torch.Generator, std: float, std_max: float) -> GaussianPolicies:
+def gait_policies(
+    count: int, generator: torch.Generator, std: float, std_max: float = 1.0
+) -> GaussianPolicies:
+    """Fresh policies for a gait each; their standard deviation never falls below 0.1."""
     bounds = (float(np.log(std)), float(np.log(0.1)), float(np.log(std_max)))
     return GaussianPolicies(count, hopper_features(), 3, POLICY_HIDDEN, *bounds, generator)
 
 
+def trained_policies(flat: Tensor, recipe: Recipe) -> GaussianPolicies:
+    """Candidates ``flat [C, P]`` as they explored in training."""
+    return _restored_policies(flat, recipe.std, 1.0)
+
+
 def played_policies(flat: Tensor, recipe: Recipe) -> GaussianPolicies:
-    taken = gait_policies(flat.shape[0], torch.Generator().manual_seed(0), recipe.play_std, recipe.play_std)
-    taken.set_flat(flat)
-    return taken
+    """Candidates ``flat [C, P]`` as they are played once trained."""
+    return _restored_policies(flat, recipe.play_std, recipe.play_std)
+
+
+def _restored_policies(flat: Tensor, std: float, std_max: float) -> GaussianPolicies:
+    policies = gait_policies(flat.shape[0], torch.Generator().manual_seed(0), std, std_max)
+    policies.set_flat(flat)
+    return policies
 
 
 def save_demonstrators(path: Path, demonstrators: Demonstrators) -> None:
@@ -193,7 +206,7 @@ def _truth(
 ) -> PosteriorTruth | DivergenceTruth:
     kept = tuple(report["strategies"])
     if recipe.divergence_bound is not None:
-        return DivergenceTruth(played_policies(tensors["candidates"], recipe), recipe.divergence_bound, kept)
+        return DivergenceTruth(trained_policies(tensors["candidates"], recipe), recipe.divergence_bound, kept)
     sizes = (len(FEATURE_NAMES), *POSTERIOR_HIDDEN, recipe.strategies)
     posterior = BatchedMLP(1, sizes, torch.Generator().manual_seed(0))
     posterior.set_flat(tensors["posterior"])
