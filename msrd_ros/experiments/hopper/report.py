@@ -142,7 +142,7 @@ def _transfer(report: Report, transfer: dict[str, Any]) -> None:
         return
     report.heading("Fresh policies on frozen rewards, 20 % more mass and half the friction")
     report.paragraph(
-        "Policies trained from scratch on MSRD's rewards (first seed of each pair) and on the true reward, "
+        "Policies trained from scratch on inferred rewards (first seed of each pair) and on the true reward, "
         "with the same budget, beside policies moved over unchanged. Preference: mean log q of hop / crawl, "
         "at least -5."
     )

@@ -194,13 +194,15 @@ def _marks(
 
 def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
-    path = runs.folder / f"transfer-{digest(asdict(plan), runs.path(Method.MSRD, 0).name)}.json"
+    msrd, airl = Method.MSRD, Method.AIRL
+    key = digest(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])
+    path = runs.folder / f"transfer-{key}.json"
     if path.exists():
         return dict(json.loads(path.read_text()))
     demonstrators = runs.demonstrators
     assert isinstance(demonstrators, Demonstrators)
-    estimate = runs.estimate(Method.MSRD, 0)
-    found = run_transfer(plan, demonstrators, runs.demonstrate(0), estimate, runs.progress)
+    estimates = runs.estimate(msrd, 0), runs.estimate(airl, 0)
+    found = run_transfer(plan, demonstrators, runs.demonstrate(0), *estimates, runs.progress)
     write_atomically(path, json.dumps(found).encode())
     return found
 

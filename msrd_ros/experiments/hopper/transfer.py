@@ -55,6 +55,7 @@ def run_transfer(
     demonstrators: Demonstrators,
     demonstrations: Demonstrations,
     estimate: Estimate,
+    airl: Estimate,
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Marks of fresh policies on each reward, and of policies moved over unchanged, by name.
@@ -64,12 +65,14 @@ def run_transfer(
     """
     assert estimate.task is not None
     assert estimate.combined is not None
+    assert airl.task is not None
     task, combined = estimate.task, estimate.combined
     rewards: dict[str, Rewards] = {
         "true reward": lambda states: states[:, 0],
         "R0": task,
         "R0 + S_hop": lambda states: combined(states)[0],
         "R0 + S_crawl": lambda states: combined(states)[1],
+        "reward of AIRL on all": airl.task,
     }
     functions = [function for function in rewards.values() for _ in range(plan.starts)]
     progress(f"transfer: {len(functions)} fresh policies on a heavier Hopper on slippery ground")
