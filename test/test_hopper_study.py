@@ -27,8 +27,9 @@ from msrd_ros.experiments.hopper.demonstrators import (
 )
 from msrd_ros.experiments.hopper.environment import FEATURE_NAMES, TRUNK_NAMES, is_healthy, mean_speed
 from msrd_ros.experiments.hopper.evaluation import judge, make_gait_test_set
-from msrd_ros.experiments.hopper.task import preset
+from msrd_ros.experiments.hopper.task import HOPPER, preset
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method, configure
 from msrd_ros.facts.errors import UserError
 from msrd_ros.learning.diayn import DiaynReward
 from msrd_ros.learning.trajectories import Rollouts
@@ -93,6 +94,32 @@ def test_pairs_were_trained_apart() -> None:
     assert [pair for pair, recipe in recipes.items() if recipe.divergence_bound is not None] == [
         KL_ENCOURAGED_PAIR
     ]
+
+
+def test_methods_that_were_tuned_by_themselves_keep_their_settings() -> None:
+    hidden = {
+        method: configure(HOPPER, method, Budget()).reward.hidden for method in (Method.MSRD, Method.AIRL)
+    }
+    assert hidden == {Method.MSRD: (16, 16), Method.AIRL: (32, 32)}
+    penalties = [
+        configure(HOPPER, method, Budget()).discriminator.penalty_weight
+        for method in (Method.MSRD, Method.MSRD_AS_PRINTED, Method.VANILLA_DISTILLATION)
+    ]
+    assert penalties == [0.003, 0.1, 0.003]
+
+
+def test_truth_of_the_kl_encouraged_pair_is_bounded_divergence() -> None:
+    demonstrators = cached_demonstrators(KL_ENCOURAGED_PAIR)
+    bound = demonstrators.recipe.divergence_bound
+    assert bound is not None
+    states = torch.as_tensor(
+        demonstrators.demonstrate(1, seed=77, horizon=200).observations[:, 0].reshape(-1, 12)
+    )
+    paid, unbounded = demonstrators.truth.table(states), demonstrators.truth.unbounded().table(states)
+    others = demonstrators.recipe.strategies - 1
+    assert 0.0 <= float(paid.min()) <= float(paid.max()) <= bound * others
+    assert float(unbounded.max()) > bound * others
+    assert bool((paid <= unbounded).all())
 
 
 def test_damaged_demonstrators_are_refused(tmp_path: Path) -> None:
