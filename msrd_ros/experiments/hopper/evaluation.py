@@ -77,16 +77,19 @@ def make_gait_test_set(
 def judge(estimate: Estimate, test: GaitTestSet) -> dict[str, Any]:
     """All marks of an estimate by name; None where the method makes no such claim.
 
-    Beside those of `virtual_studies.evaluation.Scores`: ``task_r_spearman`` (all noisy trajectories),
-    ``task_r_each`` (per strategy), ``task_r_unseen`` and ``task_r_unseen_spearman`` (gaits that nobody
-    demonstrated), ``strategy_r`` (noisy trajectories of both strategies), ``strategy_r_own`` (of the
-    strategy itself, the paper's), ``strategy_r_clean`` (of both, without noise),
+    Beside those of `virtual_studies.evaluation.Scores` and what the run took: ``task_r_spearman`` (all noisy
+    trajectories), ``task_r_each`` (per strategy), ``task_r_unseen`` and ``task_r_unseen_spearman`` (gaits
+    that nobody demonstrated), ``strategy_r`` (noisy trajectories of both strategies), ``strategy_r_own`` (of
+    the strategy itself, the paper's), ``strategy_r_clean`` (of both, without noise),
     ``strategy_r_unbounded`` (as ``strategy_r``, against log q without its floor) and ``strategy_r_acted``
     (as ``strategy_r``, without the trajectories of pure chance: hop and crawl are the same there, nobody's
     preference shows, and the posterior, which has never been there, says anything).
     """
     noisy = test.demonstrated.noisy
     marks: dict[str, Any] = asdict(evaluate(estimate, test.demonstrated))
+    marks |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
+    marks["truth_diagonal"] = test.demonstrated.truth_diagonal
+    marks["fallen_share"] = float(test.demonstrated.fallen[0].mean())
     marks |= {"strategy_r_clean": marks["strategy_r"], "strategy_r": None, "strategy_r_own": None}
     marks |= {"strategy_r_unbounded": None, "strategy_r_acted": None}
     marks |= dict.fromkeys(("task_r_spearman", "task_r_each", "task_r_unseen", "task_r_unseen_spearman"))

@@ -5,9 +5,9 @@ Everything was tuned on a third pair of demonstrators, which is not evaluated, a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,10 @@ from msrd_ros.experiments.hopper.demonstrators import (
 from msrd_ros.experiments.hopper.evaluation import GaitTestSet, judge, make_gait_test_set
 from msrd_ros.experiments.hopper.task import HOPPER
 from msrd_ros.experiments.hopper.transfer import TransferPlan, run_transfer
+from msrd_ros.experiments.run_keys import digest, kept
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method
-from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, digest, silent
+from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, silent
 from msrd_ros.experiments.virtual_studies.statistics import paired_test
-from msrd_ros.learning.checkpoints import write_atomically
 
 RIVALS = ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier")
 OTHER_TRUTH_METHODS = (
@@ -106,9 +106,9 @@ class StudyPlan:
             self.workers,
         )
 
-    def test_set(self, demonstrators: Demonstrators, repetition: int) -> GaitTestSet:
+    def test_set(self, pair: str, repetition: int) -> GaitTestSet:
         """The test trajectories of a repetition, the same for every method."""
-        seed = TEST_SEED + repetition
+        seed, demonstrators = TEST_SEED + repetition, cached_demonstrators(pair)
         return make_gait_test_set(demonstrators, seed, self.test_repeats, self.test_clean, self.test_unseen)
 
 
@@ -151,16 +151,13 @@ def _compare(
     """Every method on every pair and seed: seeds, pairs, scores by method, and what the demonstrators are."""
     for pair in pairs:
         plan.runs(pair, folder, progress).prepare(methods, plan.seeds)
-    marks: dict[tuple[str, int, Method], dict[str, Any]] = {}
-    for repetition in range(plan.seeds):
-        for pair in pairs:
-            runs, test = plan.runs(pair, folder, progress), None
-            for method in methods:
-                marks[pair, repetition, method], test = _marks(plan, runs, method, repetition, test)
     scores: dict[str, dict[str, list[Any]]] = {method.value: {} for method in methods}
-    for pair, repetition, method in product(pairs, range(plan.seeds), methods):
-        for name, value in marks[pair, repetition, method].items():
-            scores[method.value].setdefault(name, []).append(value)
+    for pair, repetition in product(pairs, range(plan.seeds)):
+        runs = plan.runs(pair, folder, progress)
+        marks = runs.marks(methods, repetition, partial(plan.test_set, pair), judge, plan.test_unseen)
+        for method, result in marks.items():
+            for name, value in result.items():
+                scores[method.value].setdefault(name, []).append(value)
     return {
         "seeds": list(range(plan.seeds)) * len(pairs),
         "pairs": [pair for pair in pairs for _ in range(plan.seeds)],
@@ -172,39 +169,18 @@ def _compare(
     }
 
 
-def _marks(
-    plan: StudyPlan, runs: Runs, method: Method, repetition: int, test: GaitTestSet | None
-) -> tuple[dict[str, Any], GaitTestSet | None]:
-    """Marks of one run, from its file if they are there already; and the test set once it was needed."""
-    key = digest(runs.path(method, repetition).name, runs.test_repeats, runs.test_clean, plan.test_unseen)
-    path = runs.folder / f"{runs.name}-{method.value}-{repetition}-{key}.json"
-    if path.exists():
-        return dict(json.loads(path.read_text())), test
-    demonstrators = runs.demonstrators
-    assert isinstance(demonstrators, Demonstrators)
-    estimate = runs.estimate(method, repetition)
-    test = test or plan.test_set(demonstrators, repetition)
-    result = judge(estimate, test)
-    result |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
-    result["truth_diagonal"] = test.demonstrated.truth_diagonal
-    result["fallen_share"] = float(test.demonstrated.fallen[0].mean())
-    write_atomically(path, json.dumps(result).encode())
-    return result, test
-
-
 def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     msrd, airl = Method.MSRD, Method.AIRL
     key = digest(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])
-    path = runs.folder / f"transfer-{key}.json"
-    if path.exists():
-        return dict(json.loads(path.read_text()))
-    demonstrators = runs.demonstrators
-    assert isinstance(demonstrators, Demonstrators)
-    estimates = runs.estimate(msrd, 0), runs.estimate(airl, 0)
-    found = run_transfer(plan, demonstrators, runs.demonstrate(0), *estimates, runs.progress)
-    write_atomically(path, json.dumps(found).encode())
-    return found
+
+    def train() -> dict[str, Any]:
+        demonstrators = runs.demonstrators
+        assert isinstance(demonstrators, Demonstrators)
+        estimates = runs.estimate(msrd, 0), runs.estimate(airl, 0)
+        return run_transfer(plan, demonstrators, runs.demonstrate(0), *estimates, runs.progress)
+
+    return kept(runs.folder / f"transfer-{key}.json", train)
 
 
 def summarise(methods: dict[str, dict[str, Any]]) -> dict[str, Any]:

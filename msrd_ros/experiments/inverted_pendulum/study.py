@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -23,10 +22,10 @@ from msrd_ros.experiments.inverted_pendulum.environment import (
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.experiments.inverted_pendulum.transfer import TransferPlan, run_transfer
 from msrd_ros.experiments.inverted_pendulum.truths import pendulum_features
+from msrd_ros.experiments.run_keys import digest, kept
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method
-from msrd_ros.experiments.virtual_studies.runs import Runs, digest, silent
+from msrd_ros.experiments.virtual_studies.runs import Runs, silent
 from msrd_ros.experiments.virtual_studies.task import VirtualTask
-from msrd_ros.learning.checkpoints import write_atomically
 from msrd_ros.learning.presets import inverted_pendulum, inverted_pendulum_as_printed
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 
@@ -166,10 +165,9 @@ def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     methods = (Method.MSRD, Method.AIRL_EACH_CROSS, Method.CLASSIFIER)
     key = digest("transfer", asdict(plan), [runs.settings(method) for method in methods])
-    path = runs.folder / f"transfer-{key}.json"
-    if path.exists():
-        return dict(json.loads(path.read_text()))
-    estimates = {method: runs.estimate(method, 0) for method in methods}
-    transfer = run_transfer(plan, runs.demonstrators, estimates, runs.progress)
-    write_atomically(path, json.dumps(transfer).encode())
-    return transfer
+
+    def train() -> dict[str, Any]:
+        estimates = {method: runs.estimate(method, 0) for method in methods}
+        return run_transfer(plan, runs.demonstrators, estimates, runs.progress)
+
+    return kept(runs.folder / f"transfer-{key}.json", train)

@@ -9,13 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
-from msrd_ros.experiments.run_keys import digest
+from msrd_ros.experiments.run_keys import digest, kept
 from msrd_ros.experiments.table_tennis.judging import judge, undone_pairs
 from msrd_ros.experiments.table_tennis.live import (
     Lesson,
@@ -211,15 +212,15 @@ class Study:
             if learned.rewards:
                 budget = self.plan.budget
                 result |= judge(method, learned.rewards, self.data, self._pairs, budget, TRAINING_SEED + seed)
-        path = folder / f"evaluation-{self.plan.balls}.json"
-        if not path.exists():
+
+        def play() -> dict[str, Any]:
             self._progress(f"{method} seed {seed}: plays {self.plan.balls} balls of each stroke")
             played = self._play(table, repertoire, self.plan.balls, EVALUATION_SEED + seed, Conditions())
             if method is Method.MSRD and seed == 0:
                 save_films(self._films, played.films)
-            report = evaluation_report(played, self.plan.balls, self.data.landing_points)
-            write_atomically(path, json.dumps(report).encode())
-        return result | json.loads(path.read_text())
+            return evaluation_report(played, self.plan.balls, self.data.landing_points)
+
+        return result | kept(folder / f"evaluation-{self.plan.balls}.json", play)
 
     def _robustness(
         self, method: Method, seeds: Sequence[int], table: Table
@@ -229,23 +230,18 @@ class Study:
         conditions = robustness_conditions()
         names = plan.conditions or tuple(conditions)
         rows: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+
+        def play(policies: StrokePolicies, seed: int, name: str) -> dict[str, Any]:
+            self._progress(f"robustness of {method}, seed {seed}: {name}")
+            balls, repertoire = plan.robustness_balls, LearnedStrokes(policies)
+            played = self._play(table, repertoire, balls, ROBUSTNESS_SEED + seed, conditions[name])
+            return evaluation_report(played, balls, self.data.landing_points)
+
         for seed in seeds:
-            learned = self._learned(method, seed)
+            policies = self._learned(method, seed).policies
             for name in names:
                 path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{file_name(name)}.json"
-                if not path.exists():
-                    self._progress(f"robustness of {method}, seed {seed}: {name}")
-                    balls = plan.robustness_balls
-                    played = self._play(
-                        table,
-                        LearnedStrokes(learned.policies),
-                        balls,
-                        ROBUSTNESS_SEED + seed,
-                        conditions[name],
-                    )
-                    report = evaluation_report(played, balls, self.data.landing_points)
-                    write_atomically(path, json.dumps(report).encode())
-                rows[name].append(json.loads(path.read_text()))
+                rows[name].append(kept(path, partial(play, policies, seed, name)))
         return rows
 
     def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
@@ -255,18 +251,16 @@ class Study:
         lesson = Lesson(
             self._bags, subjects, self._runs / f"live-{digest(settings, self.data.digest)}", TRAINING_SEED
         )
-        path = lesson.folder / "played.json"
-        if path.exists():
-            return dict(json.loads(path.read_text()))
-        rates, balls = {}, self.plan.robustness_balls
-        for rollouts in ("batched", "topics"):
-            policies = StrokePolicies.load(learn_with_rollouts(lesson, live, rollouts, self._progress))
-            played = self._play(table, LearnedStrokes(policies), balls, EVALUATION_SEED, Conditions())
-            rates[rollouts] = evaluation_report(played, balls, self.data.landing_points)["rates"]
-        curve = exchange_while_playing(lesson, live, self._progress)
-        found = {"over_topics": rates, "hot_swap": curve}
-        write_atomically(path, json.dumps(found).encode())
-        return found
+
+        def play() -> dict[str, Any]:
+            rates, balls = {}, self.plan.robustness_balls
+            for rollouts in ("batched", "topics"):
+                policies = StrokePolicies.load(learn_with_rollouts(lesson, live, rollouts, self._progress))
+                played = self._play(table, LearnedStrokes(policies), balls, EVALUATION_SEED, Conditions())
+                rates[rollouts] = evaluation_report(played, balls, self.data.landing_points)["rates"]
+            return {"over_topics": rates, "hot_swap": exchange_while_playing(lesson, live, self._progress)}
+
+        return kept(lesson.folder / "played.json", play)
 
     def _play(
         self, table: Table, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions

@@ -136,11 +136,12 @@ def other_truths(report: Report, populations: dict[str, Any]) -> None:
     for kind, population in populations.items():
         if not population["methods"]:
             continue
+        diagonal = np.mean(population["methods"]["oracle"]["truth_diagonal"])
         report.heading(f"Another truth: {kind.replace('_', '-')} demonstrators")
         report.paragraph(
             f"{len(population['seeds'])} seed(s). Nothing was tuned on these demonstrators, and no posterior "
             "over strategies had a hand in their preferences. By these preferences themselves "
-            f"{np.mean(population['truth_diagonal']):.1f} of {len(population['demonstrators']['kept'])} "
+            f"{diagonal:.1f} of {len(population['demonstrators']['kept'])} "
             "strategies score highest on their own trajectories."
         )
         score_table(report, population["methods"])

@@ -10,15 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
-from msrd_ros.experiments.run_keys import digest
+from msrd_ros.experiments.run_keys import digest, kept
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import TestSet, evaluate, make_test_set, task_correlation
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method, configure, restore, train
@@ -26,6 +27,8 @@ from msrd_ros.experiments.virtual_studies.statistics import summarise
 from msrd_ros.experiments.virtual_studies.task import Demonstrators, VirtualTask
 from msrd_ros.learning.checkpoints import write_atomically
 from msrd_ros.learning.trajectories import Demonstrations
+
+T = TypeVar("T")
 
 TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 11_000, 12_000, 13_000
 
@@ -119,29 +122,51 @@ class Runs:
         methods = tuple(methods)
         self.prepare(methods, repetitions)
         scores: dict[str, dict[str, list[Any]]] = {}
-        truth_diagonal = []
         for repetition in range(repetitions):
-            test = self.test_set(repetition)
-            truth_diagonal.append(test.truth_diagonal)
-            for method in methods:
-                estimate = self.estimate(method, repetition)
-                result: dict[str, Any] = asdict(evaluate(estimate, test))
-                result |= {"seconds": estimate.seconds, "env_steps": estimate.environment_steps}
-                result["task_r_members"] = [
-                    None if member.task is None else task_correlation(member.task, test)
-                    for member in estimate.members
-                ]
-                result["fallen_share"] = float(test.fallen.mean())
+            for method, result in self.marks(methods, repetition, self.test_set, _judge).items():
                 row = scores.setdefault(method.value, {})
                 for name, value in result.items():
                     row.setdefault(name, []).append(value)
         return {
             "seeds": list(range(repetitions)),
             "demonstrators": self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)},
-            "truth_diagonal": truth_diagonal,
             "methods": scores,
             "tests": summarise(scores),
         }
+
+    def marks(
+        self,
+        methods: Iterable[Method],
+        repetition: int,
+        make_test: Callable[[int], T],
+        judge: Callable[[Estimate, T], dict[str, Any]],
+        *conditions: Any,
+    ) -> dict[Method, dict[str, Any]]:
+        """Marks of `methods` on one repetition, by name; those given once are kept as files.
+
+        Parameters
+        ----------
+        make_test
+            Gives the repetition's test set; called if marks are missing.
+        judge
+            Gives an estimate its marks (data for JSON).
+        conditions
+            Whatever the marks depend on beside the run and this object's test set (data for JSON).
+        """
+        test: list[T] = []  # played once, and only if it is needed
+
+        def mark(method: Method) -> dict[str, Any]:
+            estimate = self.estimate(method, repetition)
+            test.extend([] if test else [make_test(repetition)])
+            return judge(estimate, test[0])
+
+        found = {}
+        for method in methods:
+            run = self.path(method, repetition)
+            key = digest(run.name, self.test_repeats, self.test_clean, *conditions)
+            file = run.with_name(f"{self.name}-{method.value}-{repetition}-{key}.json")
+            found[method] = kept(file, partial(mark, method))
+        return found
 
     def path(self, method: Method, repetition: int) -> Path:
         """File of a run; another one as soon as anything about the run has changed."""
@@ -154,3 +179,17 @@ class Runs:
         if method in (Method.CLASSIFIER, Method.ORACLE):
             return [method.value, self.budget.classifier_steps]
         return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
+
+
+def _judge(estimate: Estimate, test: TestSet) -> dict[str, Any]:
+    return {
+        **asdict(evaluate(estimate, test)),
+        "task_r_members": [
+            None if member.task is None else task_correlation(member.task, test)
+            for member in estimate.members
+        ],
+        "seconds": estimate.seconds,
+        "env_steps": estimate.environment_steps,
+        "fallen_share": float(test.fallen.mean()),
+        "truth_diagonal": test.truth_diagonal,
+    }
