@@ -1,8 +1,8 @@
-"""The figure that only the pendulum has: rewards over the pole's angle."""
+"""The figures that only the pendulum has: rewards over the pole's angle, and what is learned on them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -45,4 +45,29 @@ def reward_curves(estimate: Estimate, test: TestSet) -> Figure:
         axis.set(xlabel="time (s)", ylabel=name)
         if column == 1:
             axis.set_xlim(0.0, 6.0)
+    return figure
+
+
+def settled_places(homes: list[float], marks: dict[str, dict[str, Any]]) -> Figure:
+    """Where fresh policies settle over where the demonstrators did, a panel for each reward by its name.
+
+    Parameters
+    ----------
+    homes
+        The demonstrators' settled cart positions, in metres.
+    marks
+        Marks of `transfer.run_transfer` on one body.
+    """
+    figure, axes = new_figure(len(marks), 3.3, 3.2)
+    home = np.array(homes)
+    for axis, (name, found) in zip(axes, marks.items(), strict=True):
+        place, stands = np.array(found["cart_position"]), np.array(found["fallen"]) == 0.0
+        axis.plot([-1.0, 1.0], [-1.0, 1.0], color=LIGHT, lw=0.8, zorder=0)
+        axis.scatter(home[stands], place[stands], s=22, marker="o", color=DARK, label="stands")
+        axis.scatter(home[~stands], place[~stands], s=22, marker="x", color="#b3202a", label="falls")
+        title = f"{name}\n{int(stands.sum())} of {len(home)} stand"
+        axis.set(xlabel="demonstrator's cart (m)", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal")
+        axis.set_title(title, fontsize=10)
+    axes[0].set_ylabel("fresh policy's cart (m)")
+    axes[0].legend(frameon=False, fontsize=9, loc="upper left")
     return figure

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from msrd_ros.experiments.inverted_pendulum.figures import reward_curves
+from msrd_ros.experiments.inverted_pendulum.figures import reward_curves, settled_places
 from msrd_ros.experiments.inverted_pendulum.study import StudyPlan
 from msrd_ros.experiments.report import Report
 from msrd_ros.experiments.virtual_studies import report as sections
@@ -59,6 +59,7 @@ def _transfer(report: Report, transfer: dict[str, Any]) -> None:
         "where the dynamics have changed. Style distance: how far the cart settles from the demonstrator's. "
         "Means over the twenty strategies."
     )
+    homes = transfer["as demonstrated"]["demonstrators"]["their own policies"]["cart_position"]
     for body, table in transfer.items():
         rows = []
         for method, rewards in table.items():
@@ -75,6 +76,17 @@ def _transfer(report: Report, transfer: dict[str, Any]) -> None:
                 rows.append([*row, f"{style:.2f}", f"{liking:.2f}"])
         head = ["rewards of", "optimised", "task return", "falls", "style distance (m)", "true preference"]
         report.table(head, rows, f"Dynamics {body}.")
+        shown = {
+            "true R0 + 0.1 S_i": table["truth"]["true R0 + 0.1 S_i"],
+            "MSRD: R0 + S_i": table["msrd"]["R0 + S_i"],
+            "MSRD: R0 alone": table["msrd"]["R0 alone"],
+            "AIRL each, same terms: R_i": table["airl_each_cross"]["R0 + S_i"],
+            "classifier: log q": table["classifier"]["S_i alone"],
+        }
+        report.figure(
+            settled_places(homes, shown),
+            f"Where the fresh policies settle and where their demonstrators did, dynamics {body}.",
+        )
 
 
 def _conditions(report: Report, metrics: dict[str, Any]) -> None:
