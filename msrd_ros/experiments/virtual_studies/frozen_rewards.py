@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
@@ -26,6 +28,20 @@ class FrozenReward:
         """Row i judged by strategy i, ``[S, K, T]``."""
         states = torch.as_tensor(rollouts.observations[:, :, 1:])
         return self._rewards(states.flatten(1, 2)).unflatten(1, states.shape[1:3])
+
+
+def pessimistic(rewards: Sequence[Rewards]) -> Rewards:
+    """Mean less one standard deviation of what several runs inferred.
+
+    Runs agree where demonstrations and generators went and disagree elsewhere: what a fresh policy could
+    gain by going there is taken away (as in Coste et al. 2023, on reward models of language models).
+    """
+
+    def lower(states: Tensor) -> Tensor:
+        values = torch.stack([function(states) for function in rewards])
+        return values.mean(dim=0) - values.std(dim=0, correction=0)
+
+    return lower
 
 
 def frozen_rewards(estimate: Estimate) -> dict[str, Rewards]:
