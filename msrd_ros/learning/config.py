@@ -125,8 +125,6 @@ class DiscriminatorConfig:
         K of line 7: demonstrations drawn anew each sweep; None uses all.
     learning_rate, learning_rate_end, weight_decay
         Adam; the rate falls linearly to the given share over the planned sweeps.
-    strategy_rate
-        Learning rate of S_i as a share of R0's, in MSRD's two columns.
     penalty, penalty_weight
         Regulariser of S_i and lambda_i; None sets lambda_i = alpha_i, the paper's text.
     penalty_above
@@ -165,7 +163,6 @@ class DiscriminatorConfig:
     demonstrations_per_sweep: int | None = None
     learning_rate: float = 1e-3
     learning_rate_end: float = 0.1
-    strategy_rate: float = 1.0
     weight_decay: float = 1e-4
     penalty: Penalty = Penalty.SQUARE
     penalty_weight: float | None = 0.01

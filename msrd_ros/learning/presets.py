@@ -96,10 +96,6 @@ def hopper(
         discriminator=DiscriminatorConfig(
             batch=256,
             learning_rate=4e-3,
-            # S_i explains faster than R0 what either could, and saturates. Three tuning pairs at 1, .7
-            # and .5: task r .969, .974, .975, Spearman .952, .971, .982, strategy r .93 and .97 (hop, crawl)
-            # twice, then .92 and .96.
-            strategy_rate=0.7,
             penalty_weight=0.003,
             # Without it R0 gave a fallen hop, of which negatives have plenty, far less than a flailing one of
             # the same speed, and all the speeds of a crawl less than half the range of a hop: r .93 for .97.
@@ -210,6 +206,5 @@ def as_printed(config: MSRDConfig) -> MSRDConfig:
         penalty_above=1.0,
         task_penalty_weight=0.0,
         penalise_all=False,
-        strategy_rate=1.0,
     )
     return replace(config, discriminator=discriminator)

@@ -99,9 +99,8 @@ class RewardTraining:
         config = self._config
         progress = min(1.0, sweep / max(1, self._sweeps - 1))
         rate = config.learning_rate * (1.0 - (1.0 - config.learning_rate_end) * progress)
-        share = config.strategy_rate if self._rewards.form is RewardForm.TWO_COLUMN else 1.0
-        for optimiser, of_rate in ((self._task_optimiser, 1.0), (self._own_optimiser, share)):
-            optimiser.param_groups[0]["lr"] = of_rate * rate
+        for optimiser in (self._task_optimiser, self._own_optimiser):
+            optimiser.param_groups[0]["lr"] = rate
         metrics: dict[str, float] = {}
         for step in range(steps):
             start = step * config.batch

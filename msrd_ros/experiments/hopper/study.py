@@ -46,9 +46,8 @@ class StudyPlan:
 
     Attributes
     ----------
-    seeds, first_seed
-        Repetitions with each pair of demonstrators, and the number of the first: earlier recipes were judged
-        on those before it.
+    seeds
+        Repetitions with each pair of demonstrators.
     pairs
         Independently trained pairs.
     other_pairs
@@ -66,7 +65,6 @@ class StudyPlan:
     """
 
     seeds: int = 5
-    first_seed: int = 5
     pairs: tuple[str, ...] = PAIRS
     other_pairs: tuple[str, ...] = (KL_ENCOURAGED_PAIR,)
     # One run in nine has a task r of .72 on the hardest tuning pair, the others .93 and .96; their mean .96.
@@ -92,11 +90,6 @@ class StudyPlan:
             transfer=None,
             workers=0,
         )
-
-    @property
-    def repetitions(self) -> range:
-        """Numbers of the repetitions."""
-        return range(self.first_seed, self.first_seed + self.seeds)
 
     def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
         """The runs on one pair, kept in `folder`."""
@@ -135,7 +128,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     if plan.transfer is not None:
         for number, pair in enumerate(plan.pairs):
             other_starts = replace(plan.transfer, seed=plan.transfer.seed + 10 * number)
-            transfer[pair] = _transfer(other_starts, plan.runs(pair, folder, progress), plan.first_seed)
+            transfer[pair] = _transfer(other_starts, plan.runs(pair, folder, progress))
     return {
         "study": HOPPER.name,
         **found,
@@ -157,16 +150,16 @@ def _compare(
 ) -> dict[str, Any]:
     """Every method on every pair and seed: seeds, pairs, scores by method, and what the demonstrators are."""
     for pair in pairs:
-        plan.runs(pair, folder, progress).prepare(methods, plan.repetitions)
+        plan.runs(pair, folder, progress).prepare(methods, plan.seeds)
     scores: dict[str, dict[str, list[Any]]] = {method.value: {} for method in methods}
-    for pair, repetition in product(pairs, plan.repetitions):
+    for pair, repetition in product(pairs, range(plan.seeds)):
         runs = plan.runs(pair, folder, progress)
         marks = runs.marks(methods, repetition, partial(plan.test_set, pair), judge, plan.test_unseen)
         for method, result in marks.items():
             for name, value in result.items():
                 scores[method.value].setdefault(name, []).append(value)
     return {
-        "seeds": list(plan.repetitions) * len(pairs),
+        "seeds": list(range(plan.seeds)) * len(pairs),
         "pairs": [pair for pair in pairs for _ in range(plan.seeds)],
         "methods": scores,
         "demonstrators": {
@@ -176,16 +169,16 @@ def _compare(
     }
 
 
-def _transfer(plan: TransferPlan, runs: Runs, first: int) -> dict[str, Any]:
+def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     msrd, airl = Method.MSRD, Method.AIRL
-    key = digest(asdict(plan), [runs.path(method, first).name for method in (msrd, airl)])
+    key = digest(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])
 
     def train() -> dict[str, Any]:
         demonstrators = runs.demonstrators
         assert isinstance(demonstrators, Demonstrators)
-        estimates = runs.estimate(msrd, first), runs.estimate(airl, first)
-        return run_transfer(plan, demonstrators, runs.demonstrate(first), *estimates, runs.progress)
+        estimates = runs.estimate(msrd, 0), runs.estimate(airl, 0)
+        return run_transfer(plan, demonstrators, runs.demonstrate(0), *estimates, runs.progress)
 
     return kept(runs.folder / f"transfer-{key}.json", train)
 

@@ -141,11 +141,9 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
         Where runs are kept, so that an interrupted study goes on where it was.
     """
     main, *others = plan.kinds
-    found = plan.runs(main, folder, progress).compare(tuple(Method), range(plan.seeds))
+    found = plan.runs(main, folder, progress).compare(tuple(Method), plan.seeds)
     other_truths = {
-        kind.value: plan.runs(kind, folder, progress).compare(
-            NON_CIRCULAR_METHODS, range(plan.other_truth_seeds)
-        )
+        kind.value: plan.runs(kind, folder, progress).compare(NON_CIRCULAR_METHODS, plan.other_truth_seeds)
         for kind in others
     }
     transfer = {}

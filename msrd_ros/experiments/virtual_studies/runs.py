@@ -7,7 +7,7 @@ tuned on seeds from 9000 to 9999; those that earlier recipes were judged on, 100
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -72,9 +72,9 @@ class Runs:
     progress: Callable[[str], None] = silent
     workers: int = 0
 
-    def prepare(self, methods: Iterable[Method], repetitions: Sequence[int]) -> None:
+    def prepare(self, methods: Iterable[Method], repetitions: int) -> None:
         """Train what `estimate` will be asked for, several runs side by side."""
-        wanted = [(method, repetition) for repetition in repetitions for method in methods]
+        wanted = [(method, repetition) for repetition in range(repetitions) for method in methods]
         missing = [job for job in wanted if not self.path(*job).exists()]
         if self.workers < 2 or len(missing) < 2:
             return
@@ -117,18 +117,18 @@ class Runs:
         seed = TEST_SEED + repetition
         return make_test_set(self.task, self.demonstrators, seed, self.test_repeats, self.test_clean)
 
-    def compare(self, methods: Iterable[Method], repetitions: Sequence[int]) -> dict[str, Any]:
+    def compare(self, methods: Iterable[Method], repetitions: int) -> dict[str, Any]:
         """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
         methods = tuple(methods)
         self.prepare(methods, repetitions)
         scores: dict[str, dict[str, list[Any]]] = {}
-        for repetition in repetitions:
+        for repetition in range(repetitions):
             for method, result in self.marks(methods, repetition, self.test_set, _judge).items():
                 row = scores.setdefault(method.value, {})
                 for name, value in result.items():
                     row.setdefault(name, []).append(value)
         return {
-            "seeds": list(repetitions),
+            "seeds": list(range(repetitions)),
             "demonstrators": self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)},
             "methods": scores,
             "tests": summarise(scores),
