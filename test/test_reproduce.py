@@ -21,9 +21,10 @@ from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_
 from msrd_ros.experiments.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.experiments.reproduce import main
+from msrd_ros.experiments.run_keys import kept
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
-from msrd_ros.experiments.virtual_studies.frozen_rewards import frozen_rewards
+from msrd_ros.experiments.virtual_studies.frozen_rewards import frozen_rewards, pessimistic
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method, train
 from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
@@ -207,6 +208,30 @@ def test_known_preferences_are_what_they_say() -> None:
     assert float(table[11, 1]) == 0.0
     assert float(table[14, 2]) == pytest.approx(0.0, abs=1e-6)
     assert float(table[0, 1]) == -4.0
+
+
+def test_pessimism_costs_what_the_runs_disagree_about() -> None:
+    def agreed(states: torch.Tensor) -> torch.Tensor:
+        return states[..., 0]
+
+    def other(states: torch.Tensor) -> torch.Tensor:
+        return states[..., 0] + 4.0 * states[..., 1]
+
+    states = torch.tensor([[1.0, 0.0], [2.0, 1.0]])
+    assert pessimistic([agreed, other])(states).tolist() == pytest.approx([1.0, 2.0 + 2.0 - 2.0])
+    assert torch.equal(pessimistic([other])(states), other(states))
+
+
+def test_a_result_is_made_once(tmp_path: Path) -> None:
+    calls = []
+
+    def make() -> dict[str, object]:
+        calls.append(1)
+        return {"row": (0.1, None)}
+
+    found = [kept(tmp_path / "found.json", make) for _ in range(2)]
+    assert found == [{"row": [0.1, None]}] * 2
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize(

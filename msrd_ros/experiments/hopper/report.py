@@ -142,9 +142,10 @@ def _transfer(report: Report, transfer: dict[str, Any]) -> None:
         return
     report.heading("Fresh policies on frozen rewards, 20 % more mass and half the friction")
     report.paragraph(
-        "Policies trained from scratch on inferred rewards (first seed of each pair) and on the true reward, "
-        "with the same budget, beside policies moved over unchanged. Preference: mean log q of hop / crawl, "
-        "at least -5."
+        "Policies trained from scratch on inferred rewards (first seed of each pair, one standard deviation "
+        "below the mean of the runs averaged, so that nothing is gained where they disagree) and on the true "
+        "reward, with the same budget, beside policies moved over unchanged. Preference: mean log q of hop "
+        "and crawl, at least -5."
     )
     means = {
         name: np.mean([table[name]["speed"] for table in transfer.values()]) for name in ("true reward", "R0")

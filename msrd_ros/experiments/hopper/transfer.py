@@ -35,8 +35,8 @@ class TransferPlan:
     m/s after 50, 100 and 150; half the trust region gave 1.64, two episodes of 1,000 steps 1.60.
 
     Inferred rewards are one standard deviation below the mean of the runs that were averaged: on a tuning
-    pair four policies on R0 + S_hop then hopped at 1.35 m/s after 100 updates, on the mean at .79, on the
-    least of the three at 1.13 (on R0: 1.32, 1.25, 1.02).
+    pair (with S_i at .7 of R0's learning rate) four policies on R0 + S_hop then hopped at 1.35 m/s after 100
+    updates, on the mean at .79, on the least of the three at 1.13 (on R0: 1.32, 1.25, 1.02).
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
@@ -153,12 +153,10 @@ class Runs:
         conditions
             Whatever the marks depend on beside the run and this object's test set (data for JSON).
         """
-        test: list[T] = []  # played once, and only if it is needed
+        test = cache(partial(make_test, repetition))
 
         def mark(method: Method) -> dict[str, Any]:
-            estimate = self.estimate(method, repetition)
-            test.extend([] if test else [make_test(repetition)])
-            return judge(estimate, test[0])
+            return judge(self.estimate(method, repetition), test())
 
         found = {}
         for method in methods:
