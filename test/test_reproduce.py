@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 import torch
 from quick_studies import play, written_by_virtual_study
 
+from msrd_ros.experiments import reproduce
 from msrd_ros.experiments.inverted_pendulum.demonstrators import (
     Kind,
     cached_demonstrators,
@@ -20,7 +22,7 @@ from msrd_ros.experiments.inverted_pendulum.demonstrators import (
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.experiments.inverted_pendulum.truths import KnownPreferences
-from msrd_ros.experiments.reproduce import main
+from msrd_ros.experiments.reproduce import STUDIES, main
 from msrd_ros.experiments.run_keys import kept
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
@@ -124,6 +126,35 @@ def test_bad_input_gets_one_line(arguments: list[str], said: str, capsys: pytest
     printed = capsys.readouterr().err
     assert said in printed
     assert printed.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "folders"),
+    [
+        (["hopper"], ["out/hopper"]),
+        (["hopper", "--out", "here"], ["here"]),
+        (["all"], [f"out/{name}" for name in STUDIES]),
+        (["all", "--out", "here"], [f"here/{name}" for name in STUDIES]),
+    ],
+)
+def test_studies_do_not_write_into_each_others_folder(
+    arguments: list[str], folders: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    written: list[str] = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(reproduce, "_reproduce", lambda name, folder, *rest: written.append(str(folder)))
+    assert main(arguments) == 0
+    assert written == folders
+
+
+def test_told_to_end_is_like_interrupted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(reproduce, "_reproduce", lambda *rest: signal.raise_signal(signal.SIGTERM))
+    assert main(["hopper", "--out", str(tmp_path)]) == 130
+    assert "goes on from here" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 def test_missing_module_is_named(

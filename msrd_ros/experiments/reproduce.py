@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -25,6 +26,8 @@ STUDIES = ("inverted_pendulum", "hopper", "table_tennis")
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; 0 if every study finished, 2 for an error of the user's."""
+    # Whoever is told to end lets the runs that are under way finish and be kept, as after Ctrl-C.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return run(sys.argv[1:] if argv is None else argv)
     except UserError as error:
@@ -33,6 +36,8 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("reproduce: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def run(argv: list[str]) -> int:
@@ -43,7 +48,9 @@ def run(argv: list[str]) -> int:
         if name not in STUDIES:
             raise UserError(f"unknown study {name!r}; use one of {', '.join((*STUDIES, 'all'))}")
     for name in names:
-        folder = Path(options.out) / name if len(names) > 1 else Path(options.out)
+        folder = Path(options.out or "out")
+        if len(names) > 1 or options.out is None:
+            folder /= name
         _check_writable(folder)
         _reproduce(name, folder, options.seeds, options.quick)
     return 0
@@ -63,7 +70,11 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         "--seeds", type=int, default=None, help="repetitions of the main table; default: the study's"
     )
     parser.add_argument("--quick", action="store_true", help="a small version, in about a minute")
-    parser.add_argument("--out", default="out/reproduce", help="where report.html and metrics.json go")
+    parser.add_argument(
+        "--out",
+        default=None,
+        help="where report.html and metrics.json go; default: out/ and the study's name",
+    )
     options = parser.parse_args(argv)
     if options.seeds is not None and not 1 <= options.seeds <= 100:
         raise UserError(f"--seeds {options.seeds}: give a number from 1 to 100")
