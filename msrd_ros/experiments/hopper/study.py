@@ -25,7 +25,7 @@ from msrd_ros.experiments.hopper.task import HOPPER
 from msrd_ros.experiments.hopper.transfer import TransferPlan, run_transfer
 from msrd_ros.experiments.run_keys import digest, kept
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method
-from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, silent
+from msrd_ros.experiments.virtual_studies.runs import TEST_SEED, Runs, append_marks, silent
 from msrd_ros.experiments.virtual_studies.statistics import paired_test
 
 RIVALS = ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier")
@@ -149,23 +149,18 @@ def _compare(
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Every method on every pair and seed: seeds, pairs, scores by method, and what the demonstrators are."""
-    for pair in pairs:
-        plan.runs(pair, folder, progress).prepare(methods, plan.seeds)
-    scores: dict[str, dict[str, list[Any]]] = {method.value: {} for method in methods}
-    for pair, repetition in product(pairs, range(plan.seeds)):
-        runs = plan.runs(pair, folder, progress)
-        marks = runs.marks(methods, repetition, partial(plan.test_set, pair), judge, plan.test_unseen)
-        for method, result in marks.items():
-            for name, value in result.items():
-                scores[method.value].setdefault(name, []).append(value)
+    all_runs = {pair: plan.runs(pair, folder, progress) for pair in pairs}
+    for runs in all_runs.values():
+        runs.prepare(methods, plan.seeds)
+    scores: dict[str, dict[str, list[Any]]] = {}
+    for (pair, runs), repetition in product(all_runs.items(), range(plan.seeds)):
+        make_test = partial(plan.test_set, pair)
+        append_marks(scores, runs.marks(methods, repetition, make_test, judge, plan.test_unseen))
     return {
         "seeds": list(range(plan.seeds)) * len(pairs),
         "pairs": [pair for pair in pairs for _ in range(plan.seeds)],
         "methods": scores,
-        "demonstrators": {
-            pair: made.report | {"recipe": asdict(made.recipe)}
-            for pair, made in ((pair, cached_demonstrators(pair)) for pair in pairs)
-        },
+        "demonstrators": {pair: runs.demonstrators_report for pair, runs in all_runs.items()},
     }
 
 

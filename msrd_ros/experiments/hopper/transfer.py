@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from msrd_ros.experiments.hopper.demonstrators import Demonstrators, hopper_features
+from msrd_ros.experiments.hopper.demonstrators import Demonstrators, gait_policies, hopper_features
 from msrd_ros.experiments.hopper.environment import HopperBody, is_healthy, mean_speed
 from msrd_ros.experiments.hopper.task import make_collector, preset
 from msrd_ros.experiments.virtual_studies.estimates import Estimate, Rewards
@@ -113,7 +113,7 @@ class _OneEach:
 
 def _train(plan: TransferPlan, functions: list[Rewards]) -> GaussianPolicies:
     """One policy per reward, side by side."""
-    policies = _fresh(len(functions), plan.seed, 0.6)
+    policies = gait_policies(len(functions), torch.Generator().manual_seed(plan.seed), 0.6)
     training = PolicyTraining(
         policies,
         hopper_features(),
@@ -131,15 +131,9 @@ def _train(plan: TransferPlan, functions: list[Rewards]) -> GaussianPolicies:
     return policies
 
 
-def _fresh(count: int, seed: int, std: float) -> GaussianPolicies:
-    generator = torch.Generator().manual_seed(seed)
-    bounds = (float(np.log(std)), float(np.log(0.1)), 0.0)
-    return GaussianPolicies(count, hopper_features(), 3, (64, 64), *bounds, generator)
-
-
 def _clones(demonstrations: Demonstrations, seed: int) -> GaussianPolicies:
     """Hop and crawl by plain behaviour cloning, no rewards at all."""
-    policies = _fresh(demonstrations.strategies, seed, 0.15)
+    policies = gait_policies(demonstrations.strategies, torch.Generator().manual_seed(seed), 0.15)
     layout = demonstrations.layout
     settings = replace(preset().cloning, steps=3000, batch=256, snapshots=(), disturbances=())
     clone(

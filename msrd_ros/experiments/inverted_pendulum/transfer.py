@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.experiments.inverted_pendulum.curriculum import Stage, train_in_stages
+from msrd_ros.experiments.inverted_pendulum.demonstrators import fresh_policies
 from msrd_ros.experiments.inverted_pendulum.dynamics import PendulumBody
 from msrd_ros.experiments.inverted_pendulum.environment import has_fallen, task_reward
 from msrd_ros.experiments.inverted_pendulum.rollouts import PendulumCollector
@@ -87,10 +88,8 @@ def run_transfer(
 def _train(
     plan: TransferPlan, demonstrators: Demonstrators, body: PendulumBody, rewards: Rewards
 ) -> dict[str, Any]:
-    generator = torch.Generator().manual_seed(plan.seed)
-    bounds = (float(np.log(0.5)), float(np.log(0.1)), 0.0)
     strategies = demonstrators.policies.strategies
-    policies = GaussianPolicies(strategies, pendulum_features(), 1, (32, 32), *bounds, generator)
+    policies = fresh_policies(strategies, torch.Generator().manual_seed(plan.seed))
     training = PolicyTraining(
         policies,
         pendulum_features(),

@@ -7,7 +7,7 @@ tuned on seeds from 9000 to 9999; those that earlier recipes were judged on, 100
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
@@ -117,19 +117,21 @@ class Runs:
         seed = TEST_SEED + repetition
         return make_test_set(self.task, self.demonstrators, seed, self.test_repeats, self.test_clean)
 
+    @property
+    def demonstrators_report(self) -> dict[str, Any]:
+        """What the demonstrators are, and the recipe that made them."""
+        return self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)}
+
     def compare(self, methods: Iterable[Method], repetitions: int) -> dict[str, Any]:
         """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
         methods = tuple(methods)
         self.prepare(methods, repetitions)
         scores: dict[str, dict[str, list[Any]]] = {}
         for repetition in range(repetitions):
-            for method, result in self.marks(methods, repetition, self.test_set, _judge).items():
-                row = scores.setdefault(method.value, {})
-                for name, value in result.items():
-                    row.setdefault(name, []).append(value)
+            append_marks(scores, self.marks(methods, repetition, self.test_set, _judge))
         return {
             "seeds": list(range(repetitions)),
-            "demonstrators": self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)},
+            "demonstrators": self.demonstrators_report,
             "methods": scores,
             "tests": summarise(scores),
         }
@@ -177,6 +179,14 @@ class Runs:
         if method in (Method.CLASSIFIER, Method.ORACLE):
             return [method.value, self.budget.classifier_steps]
         return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
+
+
+def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[Method, Mapping[str, Any]]) -> None:
+    """Add one repetition's marks to the lists by method and name."""
+    for method, result in marks.items():
+        row = scores.setdefault(method.value, {})
+        for name, value in result.items():
+            row.setdefault(name, []).append(value)
 
 
 def _judge(estimate: Estimate, test: TestSet) -> dict[str, Any]:
