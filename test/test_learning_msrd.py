@@ -19,7 +19,7 @@ from learning_problems import (
 )
 
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
-from msrd_ros.learning.baselines import StrategyClassifier
+from msrd_ros.learning.baselines import StrategyClassifier, TaughtRewards
 from msrd_ros.learning.categorical import CategoricalPolicies
 from msrd_ros.learning.cloning import CloningConfig
 from msrd_ros.learning.config import (
@@ -207,6 +207,24 @@ def test_classifier_learns_which_strategy_a_state_belongs_to() -> None:
     assert posterior.shape == (3, 18)
     torch.testing.assert_close(posterior.exp().sum(dim=0), torch.ones(18))
     assert (posterior.argmax(dim=0) == torch.arange(3).repeat_interleave(6)).all()
+
+
+def test_taught_rewards_are_the_truth_where_anybody_demonstrated() -> None:
+    data = point_demonstrations()
+
+    def truth(states: torch.Tensor) -> torch.Tensor:
+        return torch.stack([2.0 * states[:, 0], -states[:, 0], states[:, 0].abs() - 3.0])
+
+    features = FeatureConfig().build(data)
+    taught = TaughtRewards(3, features, (16,), torch.Generator().manual_seed(0))
+    taught.fit(DemonstrationPool(data), truth, steps=400)
+    states = torch.as_tensor(data.observations[:, :, 1:], dtype=torch.float32).flatten(0, 2)
+    for found, wanted in zip(taught.table(states), truth(states), strict=True):
+        assert torch.corrcoef(torch.stack([found, wanted]))[0, 1] > 0.98
+    beyond = taught.table(1e3 * states)
+    low, high = taught.bounds
+    assert low <= beyond.min()
+    assert beyond.max() <= high
 
 
 def test_lasting_rewards_leave_the_run_as_it_is_and_need_a_past() -> None:

@@ -27,7 +27,7 @@ from msrd_ros.experiments.run_keys import kept
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.evaluation import correlation, evaluate, make_test_set, normalised
 from msrd_ros.experiments.virtual_studies.frozen_rewards import frozen_rewards, pessimistic
-from msrd_ros.experiments.virtual_studies.methods import Budget, Method, train
+from msrd_ros.experiments.virtual_studies.methods import Budget, Method, restore, train
 from msrd_ros.experiments.virtual_studies.statistics import diagonal_test, paired_test
 from msrd_ros.facts.errors import UserError
 
@@ -253,6 +253,24 @@ def test_pessimism_costs_what_the_runs_disagree_about() -> None:
     assert torch.equal(pessimistic([other])(states), other(states))
 
 
+@pytest.mark.parametrize("method", list(Method))
+def test_a_kept_run_says_the_same_as_the_run_itself(method: Method) -> None:
+    demonstrators = cached_demonstrators(Kind.DIAYN)
+    data = demonstrators.demonstrate(2, seed=9)
+    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10)
+    estimate = train(PENDULUM, method, data, budget, 5, truth=demonstrators.truth)
+    again = restore(PENDULUM, estimate.tensors(), method, data, budget)
+    states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
+    compared = 0
+    for name in ("task", "strategies", "combined"):
+        first, second = getattr(estimate, name), getattr(again, name)
+        assert (first is None) == (second is None), name
+        if first is not None:
+            torch.testing.assert_close(second(states), first(states))
+            compared += 1
+    assert compared
+
+
 def test_a_result_is_made_once(tmp_path: Path) -> None:
     calls = []
 
@@ -266,12 +284,14 @@ def test_a_result_is_made_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "method", [Method.MSRD, Method.AIRL, Method.AIRL_EACH, Method.CLASSIFIER, Method.ORACLE]
+    "method",
+    [Method.MSRD, Method.AIRL, Method.AIRL_EACH, Method.CLASSIFIER, Method.ORACLE, Method.TAUGHT],
 )
 def test_rewards_row_by_row_are_the_own_rows_of_the_table(method: Method) -> None:
-    data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
+    demonstrators = cached_demonstrators(Kind.DIAYN)
+    data = demonstrators.demonstrate(2, seed=9)
     budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
-    estimate = train(PENDULUM, method, data, budget, 5)
+    estimate = train(PENDULUM, method, data, budget, 5, truth=demonstrators.truth)
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
     assert estimate.strategies is not None or method is Method.AIRL
     for name, rewards in frozen_rewards(estimate).items():

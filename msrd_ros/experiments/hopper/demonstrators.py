@@ -25,7 +25,7 @@ from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
 
 LABELS = ("hop", "crawl")
-PAIRS = ("first", "second")
+PAIRS = ("first", "second", "third", "fourth")
 TUNING_PAIR = "tuning"
 KL_ENCOURAGED_PAIR = "kl_encouraged"
 OTHERS = 24

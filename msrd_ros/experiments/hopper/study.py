@@ -36,6 +36,7 @@ OTHER_TRUTH_METHODS = (
     Method.AIRL_EACH_CROSS,
     Method.CLASSIFIER,
     Method.ORACLE,
+    Method.TAUGHT,
 )
 TASK_MARKS = ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen")
 

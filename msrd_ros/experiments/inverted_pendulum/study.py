@@ -40,6 +40,7 @@ NON_CIRCULAR_METHODS = (
     Method.AIRL_EACH_CROSS,
     Method.CLASSIFIER,
     Method.ORACLE,
+    Method.TAUGHT,
 )
 
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.experiments.virtual_studies.task import VirtualTask
-from msrd_ros.learning.baselines import StrategyClassifier
+from msrd_ros.learning.baselines import StrategyClassifier, TaughtRewards
 from msrd_ros.learning.rewards import RewardEnsemble, RewardForm, RewardValues
 from msrd_ros.learning.trajectories import Transitions
 
@@ -106,6 +106,12 @@ def from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
     """log q(i|s) as the strategy reward."""
     weights = dict(classifier.network.state_dict())
     return Estimate(None, by_row(classifier.log_posterior), None, weights, seconds, 0)
+
+
+def from_teaching(taught: TaughtRewards, seconds: float) -> Estimate:
+    """What a regression on the truth says of the strategies."""
+    weights = {**taught.network.state_dict(), "bounds": taught.bounds}
+    return Estimate(None, by_row(taught.table), None, weights, seconds, 0)
 
 
 def from_places(task: VirtualTask, places: Tensor, seconds: float) -> Estimate:

@@ -21,10 +21,11 @@ from msrd_ros.experiments.virtual_studies.estimates import (
     from_classifier,
     from_places,
     from_rewards,
+    from_teaching,
 )
-from msrd_ros.experiments.virtual_studies.task import VirtualTask
+from msrd_ros.experiments.virtual_studies.task import StrategyTruth, VirtualTask
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
-from msrd_ros.learning.baselines import StrategyClassifier
+from msrd_ros.learning.baselines import StrategyClassifier, TaughtRewards
 from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
@@ -34,7 +35,7 @@ from msrd_ros.learning.trajectories import Demonstrations
 
 
 class Method(StrEnum):
-    """Rows of the table."""
+    """Rows of the table: methods, and two yardsticks that know something of the truth."""
 
     MSRD = "msrd"
     MSRD_AS_PRINTED = "msrd_as_printed"
@@ -44,6 +45,7 @@ class Method(StrEnum):
     AIRL_EACH_CROSS = "airl_each_cross"
     CLASSIFIER = "classifier"
     ORACLE = "oracle"
+    TAUGHT = "taught"
 
 
 MEMBER_SEED = 100
@@ -61,7 +63,7 @@ class Budget:
     cloning_steps
         Adam steps of behaviour cloning before.
     classifier_steps
-        Adam steps of the softmax classifier.
+        Adam steps of the softmax classifier, and of the regression on the truth.
     members
         Independent runs whose rewards are averaged.
     """
@@ -98,17 +100,29 @@ def train(
     budget: Budget,
     seed: int,
     progress: Callable[[str], None] = lambda line: None,
+    truth: StrategyTruth | None = None,
 ) -> Estimate:
     """Run `method`; its rewards are the moving average of the weights after the last planned sweep.
 
     That is the rule for the checkpoint: fixed beforehand, and blind to the truth. Where the budget has
     several members, the rewards are the mean of that many runs on the same demonstrations.
+
+    Parameters
+    ----------
+    truth
+        True strategy rewards: for `Method.TAUGHT`, which needs them; no method sees them.
     """
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
         classifier = _fresh_classifier(task, demonstrations, seed)
         classifier.fit(DemonstrationPool(demonstrations), budget.classifier_steps)
         return from_classifier(classifier, time.perf_counter() - started)
+    if method is Method.TAUGHT:
+        if truth is None:
+            raise ValueError("Method.TAUGHT is taught the true strategy rewards: pass truth")
+        taught = _fresh_taught(task, demonstrations, seed)
+        taught.fit(DemonstrationPool(demonstrations), truth.table, budget.classifier_steps)
+        return from_teaching(taught, time.perf_counter() - started)
     if method is Method.ORACLE:
         half = demonstrations.observations.shape[2] // 2
         settled = np.asarray(demonstrations.observations[:, :, half:, task.telling_column], dtype=np.float64)
@@ -158,6 +172,11 @@ def restore(
         classifier = _fresh_classifier(task, demonstrations, 0)
         classifier.network.load_state_dict(weights)
         return from_classifier(classifier, seconds)
+    if method is Method.TAUGHT:
+        bounds = weights.pop("bounds")
+        taught = _fresh_taught(task, demonstrations, 0, bounds)
+        taught.network.load_state_dict(weights)
+        return from_teaching(taught, seconds)
     blank = make_trainer(task, method, demonstrations, budget, 0).averaged_rewards
     rewards = RewardEnsemble(copy.deepcopy(blank) for _ in range(budget.members))
     rewards.load_state_dict(weights)
@@ -168,3 +187,11 @@ def _fresh_classifier(task: VirtualTask, demonstrations: Demonstrations, seed: i
     """No inverse reinforcement learning: a softmax classifier on the demonstrations' states."""
     generator = torch.Generator().manual_seed(seed)
     return StrategyClassifier(demonstrations.strategies, task.features, (32, 32), generator)
+
+
+def _fresh_taught(
+    task: VirtualTask, demonstrations: Demonstrations, seed: int, bounds: Tensor | None = None
+) -> TaughtRewards:
+    """The classifier's network, taught the truth."""
+    generator = torch.Generator().manual_seed(seed)
+    return TaughtRewards(demonstrations.strategies, task.features, (32, 32), generator, bounds)

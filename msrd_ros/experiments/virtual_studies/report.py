@@ -20,6 +20,7 @@ NAMES = {
     "airl_each_cross": "AIRL per strategy, same terms",
     "classifier": "softmax classifier, no inverse RL",
     "oracle": "oracle: distance to where the strategy settles",
+    "taught": "regression on the truth of all demonstrated states",
 }
 COLUMNS = (
     ("task_r", "task r, normalised per strategy"),

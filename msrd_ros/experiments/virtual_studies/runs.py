@@ -104,8 +104,8 @@ class Runs:
     def train(self, method: Method, repetition: int) -> None:
         """Train `method` and keep the outcome as a file."""
         self.progress(f"{self.name}: {method.value}, seed {repetition}")
-        data = self.demonstrate(repetition)
-        estimate = train(self.task, method, data, self.budget, TRAINING_SEED + repetition, self.progress)
+        data, seed, truth = self.demonstrate(repetition), TRAINING_SEED + repetition, self.demonstrators.truth
+        estimate = train(self.task, method, data, self.budget, seed, self.progress, truth)
         write_atomically(self.path(method, repetition), save_tensors(estimate.tensors()))
 
     def demonstrate(self, repetition: int) -> Demonstrations:
@@ -176,7 +176,7 @@ class Runs:
 
     def settings(self, method: Method) -> Any:
         """Everything that a method's run depends on, as data for JSON."""
-        if method in (Method.CLASSIFIER, Method.ORACLE):
+        if method in (Method.CLASSIFIER, Method.ORACLE, Method.TAUGHT):
             return [method.value, self.budget.classifier_steps]
         return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
 
