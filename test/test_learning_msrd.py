@@ -217,7 +217,7 @@ def test_taught_rewards_are_the_truth_where_anybody_demonstrated() -> None:
 
     features = FeatureConfig().build(data)
     taught = TaughtRewards(3, features, (16,), torch.Generator().manual_seed(0))
-    taught.fit(DemonstrationPool(data), truth, steps=400)
+    taught.fit(DemonstrationPool(data), truth, steps=1200)
     states = torch.as_tensor(data.observations[:, :, 1:], dtype=torch.float32).flatten(0, 2)
     for found, wanted in zip(taught.table(states), truth(states), strict=True):
         assert torch.corrcoef(torch.stack([found, wanted]))[0, 1] > 0.98

@@ -144,4 +144,4 @@ class TaughtRewards(_StateNetwork):
     def table(self, observations: Tensor) -> Tensor:
         """Rewards of ``observations [N, O]`` for every strategy, ``[S, N]``."""
         low, high = self.bounds
-        return low + (high - low) * self._outputs(observations).clamp(0.0, 1.0).T
+        return (low + (high - low) * self._outputs(observations)).clamp(low, high).T

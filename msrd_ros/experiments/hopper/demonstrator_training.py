@@ -19,6 +19,7 @@ from msrd_ros.experiments.hopper.demonstrators import (
     POSTERIOR_HIDDEN,
     TUNING_PAIR,
     Demonstrators,
+    GaitTruth,
     Recipe,
     cached_demonstrators,
     extrinsic,
@@ -102,7 +103,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     # were not chosen.
     settled = list(range(len(speed) - recipe.strategies, len(speed)))
     settled[strategies[0]], settled[strategies[1]] = hop, crawl
-    truth: PosteriorTruth | DivergenceTruth
+    truth: GaitTruth
     if isinstance(diversity, DiaynReward):
         states = torch.as_tensor(played.observations[settled][:, :, 1:]).flatten(1, 2)
         for _ in range(100):

@@ -24,6 +24,8 @@ from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
 
+GaitTruth = PosteriorTruth | DivergenceTruth
+"""What gaits can truly prefer: to be told apart by their states, or to differ in what they do."""
 LABELS = ("hop", "crawl")
 PAIRS = ("first", "second", "third", "fourth")
 TUNING_PAIR = "tuning"
@@ -123,7 +125,7 @@ class Demonstrators:
     recipe: Recipe
     policies: GaussianPolicies
     others: GaussianPolicies
-    truth: PosteriorTruth | DivergenceTruth
+    truth: GaitTruth
     report: dict[str, Any]
     _played: dict[tuple[int, int, int], Demonstrations] = field(default_factory=dict, repr=False)
 
@@ -201,9 +203,7 @@ def _restored(
     return Demonstrators(recipe, policies, others, _truth(recipe, report, tensors), report)
 
 
-def _truth(
-    recipe: Recipe, report: dict[str, Any], tensors: dict[str, Tensor]
-) -> PosteriorTruth | DivergenceTruth:
+def _truth(recipe: Recipe, report: dict[str, Any], tensors: dict[str, Tensor]) -> GaitTruth:
     kept = tuple(report["strategies"])
     if recipe.divergence_bound is not None:
         return DivergenceTruth(trained_policies(tensors["candidates"], recipe), recipe.divergence_bound, kept)
