@@ -226,6 +226,12 @@ def test_paired_test_gives_the_papers_kind_of_numbers() -> None:
     assert found["n"] == 20
     assert found["t"] > 2.0
     assert found["p_one_tailed"] < 0.05
+    assert found["wilcoxon_p"] < 0.05
+    one_outlier = ours - np.array([0.01] * 19 + [-5.0])
+    assert (
+        paired_test(ours, one_outlier)["wilcoxon_p"] < 1e-3 < paired_test(ours, one_outlier)["p_one_tailed"]
+    )
+    assert paired_test(one_outlier, ours)["wilcoxon_p"] > 0.95
     assert diagonal_test(16, 20)["p"] < 1e-3
     assert diagonal_test(1, 20)["p"] > 0.5
 

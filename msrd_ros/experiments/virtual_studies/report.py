@@ -93,7 +93,7 @@ def tests_table(report: Report, tests: dict[str, Any]) -> None:
         elif "t" in test:
             outcome = (
                 f"t({test['n'] - 1}) = {test['t']:.2f}, one-tailed p = {test['p_one_tailed']:.2g}, "
-                f"Shapiro-Wilk p = {test['shapiro_p']:.2f}"
+                f"Shapiro-Wilk p = {test['shapiro_p']:.2g}, Wilcoxon p = {test['wilcoxon_p']:.2g}"
             )
         else:
             outcome = f"difference {test['mean_difference']:.3f}, too few pairs for a test"
