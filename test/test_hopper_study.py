@@ -90,7 +90,7 @@ def test_cached_pairs_hop_and_crawl_at_near_equal_speed(pair: str, tmp_path: Pat
 
 def test_pairs_were_trained_apart() -> None:
     recipes = {pair: cached_demonstrators(pair).recipe for pair in (*PAIRS, KL_ENCOURAGED_PAIR, TUNING_PAIR)}
-    assert len({recipe.seed for recipe in recipes.values()}) == len(recipes) == 6
+    assert len({recipe.seed for recipe in recipes.values()}) == len(recipes) == 10
     assert [pair for pair, recipe in recipes.items() if recipe.divergence_bound is not None] == [
         KL_ENCOURAGED_PAIR
     ]
@@ -106,9 +106,6 @@ def test_methods_that_were_tuned_by_themselves_keep_their_settings() -> None:
         for method in (Method.MSRD, Method.MSRD_AS_PRINTED, Method.VANILLA_DISTILLATION)
     ]
     assert penalties == [0.003, 0.1, 0.003]
-    players = [method for method in Method if method not in (Method.CLASSIFIER, Method.ORACLE, Method.TAUGHT)]
-    labels = {method: configure(HOPPER, method, Budget()).discriminator.negative_label for method in players}
-    assert labels == {Method.MSRD: 0.2, **dict.fromkeys(set(players) - {Method.MSRD}, 0.0)}
 
 
 def test_truth_of_the_kl_encouraged_pair_is_bounded_divergence() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 import torch
 
@@ -14,7 +12,6 @@ from msrd_ros.learning.discriminator import (
     discriminator_logit,
     distillation_loss,
     gradient_penalty,
-    negative_loss,
     strategy_regulariser,
 )
 from msrd_ros.learning.networks import BatchedMLP, Features
@@ -96,22 +93,6 @@ def test_logit_is_that_of_the_papers_discriminator() -> None:
     expected = -discriminator.log().mean(dim=1) - (1.0 - discriminator.flip(1)).log().mean(dim=1)
     torch.testing.assert_close(airl_loss(logit, generated), expected)
     torch.testing.assert_close(cross_negative_loss(logit), -(1.0 - discriminator).log().mean(dim=1))
-
-
-def test_label_of_negatives_bounds_what_is_gained_by_calling_them_bad() -> None:
-    logit = torch.linspace(-6.0, 2.0, 801, dtype=torch.float64)[None]
-    discriminator = torch.sigmoid(logit)
-    smoothed = -(0.8 * (1.0 - discriminator).log() + 0.2 * discriminator.log()).mean(dim=1)
-    torch.testing.assert_close(negative_loss(logit, 0.2), smoothed)
-    each = negative_loss(logit.T, 0.2)
-    assert float(logit[0, each.argmin()]) == pytest.approx(math.log(0.2 / 0.8), abs=0.01)
-    assert int(negative_loss(logit.T).argmin()) == 0  # the paper's falls without end
-    added = negative_loss(logit, 0.2) - negative_loss(logit)
-    torch.testing.assert_close(airl_loss(logit, logit, 0.2), airl_loss(logit, logit) + added)
-    torch.testing.assert_close(cross_negative_loss(logit, 0.2), negative_loss(logit, 0.2))
-    nothing = torch.zeros(1, 1, dtype=torch.float64)
-    distilled = distillation_loss(logit, logit, nothing, 1.0, Penalty.SQUARE, label=0.2)
-    torch.testing.assert_close(distilled, airl_loss(logit, logit, 0.2))
 
 
 def test_loss_is_finite_far_from_the_decision_boundary() -> None:

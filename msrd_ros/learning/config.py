@@ -135,9 +135,6 @@ class DiscriminatorConfig:
         (0 is the paper; the authors' code has one). Where generators pile up and demonstrations never go,
         the likelihood ratio and with it R0 falls without end: this says that it need not. AIRL per strategy
         has it on R_i.
-    negative_label
-        D wanted of negatives, cross-negatives too: 0 in the paper; more bounds how bad R_i can become where
-        no demonstration comes near.
     penalise_all
         Whether the regulariser's expectation also runs over the other strategies' transitions.
     cross_weight, cross_batch, cross_demonstrations
@@ -171,7 +168,6 @@ class DiscriminatorConfig:
     penalty_weight: float | None = 0.01
     penalty_above: float = 1.0
     task_penalty_weight: float = 0.0
-    negative_label: float = 0.0
     penalise_all: bool = False
     cross_weight: float = 0.0
     cross_batch: int = 256

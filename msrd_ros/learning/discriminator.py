@@ -29,31 +29,13 @@ def discriminator_logit(combined: Tensor, log_prob: Tensor) -> Tensor:
     return combined - log_prob
 
 
-def negative_loss(logit: Tensor, label: float = 0.0) -> Tensor:
-    """Cross entropy of negatives: ``-(1 - label) E[log(1 - D)] - label E[log D]``, ``[S]``.
-
-    Parameters
-    ----------
-    label
-        D wanted of them: 0 in the paper. With more (label smoothing; Szegedy et al., 2016) nothing is gained
-        by a logit below ``log(label / (1 - label))``: how bad a state is that no demonstration comes near
-        cannot be known, and without a bound R_i falls there until training ends.
-    """
-    return (softplus(logit) - label * logit).mean(dim=1)
-
-
-def airl_loss(demonstration_logit: Tensor, generated_logit: Tensor, label: float = 0.0) -> Tensor:
+def airl_loss(demonstration_logit: Tensor, generated_logit: Tensor) -> Tensor:
     """Cross entropy of the discriminator (paper, Equation 3 with its slip set right), ``[S]``.
 
     ``-E_demo[log D] - E_gen[log(1 - D)]``; the print has ``1 - log D`` once, and ``log(1 - D)`` in
     Equation 6.
-
-    Parameters
-    ----------
-    label
-        Of generated transitions, see `negative_loss`.
     """
-    return softplus(-demonstration_logit).mean(dim=1) + negative_loss(generated_logit, label)
+    return softplus(-demonstration_logit).mean(dim=1) + softplus(generated_logit).mean(dim=1)
 
 
 def strategy_regulariser(strategy: Tensor, penalty: Penalty, above: float = 1.0) -> Tensor:
@@ -78,7 +60,6 @@ def distillation_loss(
     weight: Tensor | float,
     penalty: Penalty,
     above: float = 1.0,
-    label: float = 0.0,
 ) -> Tensor:
     """MSRD's loss (paper, Equation 7; with S_i = R_i - R0, Equation 6), ``[S]``.
 
@@ -92,20 +73,18 @@ def distillation_loss(
         lambda_i; the paper sets it to alpha_i.
     above
         Factor on positive values of S_i, see `strategy_regulariser`.
-    label
-        Of generated transitions, see `negative_loss`.
     """
     regulariser = strategy_regulariser(strategy, penalty, above)
-    return airl_loss(demonstration_logit, generated_logit, label) + weight * regulariser
+    return airl_loss(demonstration_logit, generated_logit) + weight * regulariser
 
 
-def cross_negative_loss(other_logit: Tensor, label: float = 0.0) -> Tensor:
+def cross_negative_loss(other_logit: Tensor) -> Tensor:
     """Other strategies' transitions as further negatives of D_i: ``-E[log(1 - D_i)]``, ``[S]``.
 
     Not in the paper: its loss shows S_i only the states of strategy i, so nothing tells S_i what the others
     look like. These are extra proposals for the partition function, in the sense of guided cost learning.
     """
-    return negative_loss(other_logit, label)
+    return softplus(other_logit).mean(dim=1)
 
 
 def gradient_penalty(strategy: Tensor, inputs: Tensor) -> Tensor:

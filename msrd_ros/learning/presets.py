@@ -103,13 +103,7 @@ def hopper(
             task_penalty_weight=0.1,
             cross_batch=256,
             cross_weight=1.0,
-            gradient_penalty=0.01,
-            # Pure chance was the trouble: nearly every demonstration is surely told from it, so R0 fell there
-            # as far as training went on, and all the speeds of a hop and a crawl shared what was left of its
-            # range. Eight tuning pairs with the label 0 / .2 / .2 and a smaller slope penalty of S_i (.01 for
-            # .1): task r .962 / .968 / .974, raw .953 / .961 / .968, worst pair .884 / .940 / .952. Without
-            # bad examples of pure chance (no disturbance of 3; label .1) the worst is .867: they are needed.
-            negative_label=0.2,
+            gradient_penalty=0.1,
             centre_density=True,
             density_bounds=(-10.0, 10.0),
         ),
@@ -212,6 +206,5 @@ def as_printed(config: MSRDConfig) -> MSRDConfig:
         penalty_above=1.0,
         task_penalty_weight=0.0,
         penalise_all=False,
-        negative_label=0.0,
     )
     return replace(config, discriminator=discriminator)

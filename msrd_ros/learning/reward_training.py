@@ -187,15 +187,7 @@ class RewardTraining:
         # Without the two columns there is nothing to distil: AIRL has no regulariser in the paper.
         distils = rewards.form in (RewardForm.TWO_COLUMN, RewardForm.VANILLA)
         weight = self._penalty_weight if distils else 0.0
-        loss = distillation_loss(
-            demonstrated,
-            generated,
-            scope,
-            weight,
-            config.penalty,
-            config.penalty_above,
-            config.negative_label,
-        )
+        loss = distillation_loss(demonstrated, generated, scope, weight, config.penalty, config.penalty_above)
         if config.task_penalty_weight > 0.0:
             shared = values.combined if rewards.form is RewardForm.STRATEGY_ONLY else values.task
             loss = loss + config.task_penalty_weight * shared.square().mean(dim=1)
@@ -204,7 +196,7 @@ class RewardTraining:
             if not config.cross_reaches_task and rewards.form is RewardForm.TWO_COLUMN:
                 task = values.task[:, 2 * size :]
                 other = other - task + task.detach()
-            loss = loss + config.cross_weight * cross_negative_loss(other, config.negative_label)
+            loss = loss + config.cross_weight * cross_negative_loss(other)
         if own_slope:
             loss = loss + config.gradient_penalty * gradient_penalty(values.strategy, strategy_inputs)
         if task_slope:

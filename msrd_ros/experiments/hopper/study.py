@@ -59,8 +59,8 @@ class StudyPlan:
         Trajectories of each strategy.
     test_repeats, test_clean, test_unseen
         Test trajectories per strategy and noise level, without noise, and per gait nobody demonstrated.
-    transfer
-        Fresh policies on frozen rewards, with each pair's first repetition; None leaves them out.
+    transfer, transfer_pairs
+        Fresh policies on frozen rewards, with the first repetition of the first pairs; None leaves them out.
     workers
         Processes that train.
     """
@@ -75,6 +75,7 @@ class StudyPlan:
     test_clean: int = 5
     test_unseen: int = 1
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
+    transfer_pairs: int = 2
     workers: int = 2
 
     @classmethod
@@ -127,7 +128,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     found = _compare(plan, plan.pairs, tuple(Method), folder, progress)
     transfer = {}
     if plan.transfer is not None:
-        for number, pair in enumerate(plan.pairs):
+        for number, pair in enumerate(plan.pairs[: plan.transfer_pairs]):
             other_starts = replace(plan.transfer, seed=plan.transfer.seed + 10 * number)
             transfer[pair] = _transfer(other_starts, plan.runs(pair, folder, progress))
     return {
