@@ -1,6 +1,6 @@
 """The Hopper study from start to end, resumable; see `virtual_studies.runs` for the seeds.
 
-Everything was tuned on a third pair of demonstrators, which is not evaluated, and on seeds from 9000 on.
+Everything was tuned on other pairs of demonstrators, which are not evaluated, and on seeds from 9000 on.
 """
 
 from __future__ import annotations
