@@ -27,6 +27,7 @@ from msrd_ros.experiments.hopper.demonstrators import (
 )
 from msrd_ros.experiments.hopper.environment import FEATURE_NAMES, TRUNK_NAMES, is_healthy, mean_speed
 from msrd_ros.experiments.hopper.evaluation import judge, make_gait_test_set
+from msrd_ros.experiments.hopper.study import RIVALS, TASK_MARKS, summarise
 from msrd_ros.experiments.hopper.task import HOPPER, preset
 from msrd_ros.experiments.virtual_studies.estimates import Estimate
 from msrd_ros.experiments.virtual_studies.methods import Budget, Method, configure
@@ -86,6 +87,26 @@ def test_cached_pairs_hop_and_crawl_at_near_equal_speed(pair: str, tmp_path: Pat
     assert torch.equal(again.truth.table(states), demonstrators.truth.table(states))
     assert torch.equal(again.others.flat(), demonstrators.others.flat())
     assert again.recipe == demonstrators.recipe
+
+
+def test_tests_take_the_mean_of_a_pairs_seeds_as_one_observation() -> None:
+    rng = np.random.default_rng(0)
+    pairs = [pair for pair in "abcd" for _ in range(3)]
+    level = np.repeat([0.2, 0.5, 0.7, 0.9], 3)
+    methods = {}
+    for name, lead in {**dict.fromkeys(("airl", *RIVALS), 0.0), "msrd": 0.1}.items():
+        task = level + lead + 0.01 * rng.standard_normal(12)
+        methods[name] = dict.fromkeys(TASK_MARKS, task.tolist())
+        methods[name] |= dict.fromkeys(
+            ("strategy_r", "strategy_r_own"), np.stack([task, task], axis=1).tolist()
+        )
+    tests = summarise(methods, pairs)
+    assert tests["strategy_r_msrd_over_airl_each"]["n"] == 8
+    found = tests["task_r_msrd_over_airl"]
+    assert found["n"] == 4
+    assert found["mean_difference"] == pytest.approx(0.1, abs=0.01)
+    assert found["p_one_tailed"] < 0.01
+    assert found["wilcoxon_p"] == pytest.approx(0.5**4)  # all four pairs agree
 
 
 def test_pairs_were_trained_apart() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrd_ros.experiments.hopper.demonstrators import (
     KL_ENCOURAGED_PAIR,
@@ -134,7 +135,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     return {
         "study": HOPPER.name,
         **found,
-        "tests": summarise(found["methods"]),
+        "tests": summarise(found["methods"], found["pairs"]),
         "transfer": transfer,
         "other_truths": {
             pair: _compare(plan, (pair,), OTHER_TRUTH_METHODS, folder, progress) for pair in plan.other_pairs
@@ -180,15 +181,27 @@ def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     return kept(runs.folder / f"transfer-{key}.json", train)
 
 
-def summarise(methods: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """MSRD against each rival: strategy rewards paired by pair, seed and strategy, tasks by pair and seed."""
+def summarise(methods: dict[str, dict[str, Any]], pairs: Sequence[str]) -> dict[str, Any]:
+    """MSRD against each rival, by pair of demonstrators: the mean of its seeds is one observation.
+
+    Strategy rewards are paired by pair and strategy, task rewards by pair.
+
+    Parameters
+    ----------
+    pairs
+        Which pair each entry of the marks is of.
+    """
+
+    def by_pair(name: str, mark: str) -> NDArray[np.float64]:
+        values = np.array(methods[name][mark], float)
+        means = [values[np.array(pairs) == pair].mean(axis=0) for pair in dict.fromkeys(pairs)]
+        return np.array(means).ravel()
+
     tests: dict[str, Any] = {}
     for rival in RIVALS:
         for mark in ("strategy_r", "strategy_r_own"):
-            ours, theirs = (np.array(methods[name][mark], float).ravel() for name in ("msrd", rival))
-            tests[f"{mark}_msrd_over_{rival}"] = paired_test(ours, theirs)
+            tests[f"{mark}_msrd_over_{rival}"] = paired_test(by_pair("msrd", mark), by_pair(rival, mark))
     for rival in ("airl", *RIVALS[:-1]):
         for mark in TASK_MARKS:
-            ours, theirs = (np.array(methods[name][mark], float) for name in ("msrd", rival))
-            tests[f"{mark}_msrd_over_{rival}"] = paired_test(ours, theirs)
+            tests[f"{mark}_msrd_over_{rival}"] = paired_test(by_pair("msrd", mark), by_pair(rival, mark))
     return tests
