@@ -202,6 +202,27 @@ def test_memory_is_bounded_and_a_feed_without_an_outcome_is_given_up() -> None:
     assert str(buffer.cut().label) == "forehand-push"
 
 
+@pytest.mark.parametrize("unheard", [0, 1])
+def test_a_feed_whose_outcome_was_never_heard_is_not_taken_for_the_next_strokes(unheard: int) -> None:
+    labels = ("forehand-push", "backhand-slice", "forehand-topspin")
+    balls = [
+        stroke_messages(label, START_NS + number * 3_000_000_000, ball_id=number)
+        for number, label in enumerate(labels)
+    ]
+    heard = [m for n, ball in enumerate(balls) for m in ball if n != unheard or m.topic != "rally/outcome"]
+    strokes = cut(arrivals(heard))
+    assert [stroke.ball_id for stroke in strokes] == [str(n) for n in range(3) if n != unheard]
+    for stroke in strokes:
+        own = [m.data for m in balls[int(stroke.ball_id)] if m.topic == "feed"]
+        assert [m.data for m in stroke.messages if m.topic == "feed"] == own != []
+    buffer = StrokeBuffer(CutSettings())
+    for item in arrivals(heard):
+        buffer.add(item)
+    while buffer.pending:
+        buffer.cut()
+    assert not buffer.under_way
+
+
 def test_simulated_time_that_jumps_back_begins_a_new_world() -> None:
     buffer = StrokeBuffer(CutSettings())
     for item in in_simulated_time(stroke_messages(start_ns=SIMULATED_NS * 10)[:700]):

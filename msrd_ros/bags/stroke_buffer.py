@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from msrd_ros.bags.cdr import read_stamp_ns
-from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke
+from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke, read_outcome
 from msrd_ros.bags.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
 
 _QUIET_TICKS = 3
@@ -40,6 +40,7 @@ class StrokeBuffer:
         self._stamp_ns = 0
         self._quiet_ticks = 0
         self.expired_feeds = 0
+        self._last_ball = -1
 
     @property
     def under_way(self) -> bool:
@@ -89,8 +90,7 @@ class StrokeBuffer:
         """Take the stroke of the oldest pending outcome out of the buffer."""
         outcome = self._outcomes.popleft()
         end = self._key(outcome)
-        # Balls are decided in the order in which they were fed.
-        feed = self._feeds.popleft() if self._feeds and self._key(self._feeds[0]) <= end else None
+        feed = self._feed_of(outcome)
         inside = sorted(
             (a for a in self._arrivals if self._key(a) <= end and a is not outcome), key=self._key
         )
@@ -101,6 +101,22 @@ class StrokeBuffer:
         self._remember_strategy(inside)
         self._arrivals = deque(arrival for arrival in self._arrivals if self._key(arrival) > end)
         return stroke
+
+    def _feed_of(self, outcome: Arrival) -> Arrival | None:
+        """The feed that led to an outcome, taken out; balls are decided in the order in which they were fed.
+
+        Where ball numbers leave some out, their outcomes were never heard: those feeds go as well. Kept, each
+        would be taken for the next ball's, and a stroke would seem to be under way for good.
+        """
+        end = self._key(outcome)
+        waiting = sum(self._key(feed) <= end for feed in self._feeds)
+        number = read_outcome(outcome.data)[0]
+        if number.isdecimal():
+            unheard = int(number) - self._last_ball - 1
+            for _ in range(min(unheard, waiting - 1)):
+                self._feeds.popleft()
+            self._last_ball = int(number)
+        return self._feeds.popleft() if waiting else None
 
     def discard(self) -> None:
         """Drop the stroke under way; the strategy stays."""
