@@ -96,24 +96,13 @@ class TaughtRewards(_StateNetwork):
     Nobody who has only demonstrations knows more about the preferences than this. Where it is wrong, the
     demonstrations do not tell.
 
-    Parameters
+    Attributes
     ----------
-    strategies, features, hidden, generator
-        As above.
     bounds
-        Lowest and highest reward that it can say, ``[2]``; `fit` sets it to those of the demonstrations.
+        Lowest and highest reward that it can say, ``[2]``: those of the demonstrations it was taught on.
     """
 
-    def __init__(
-        self,
-        strategies: int,
-        features: Features,
-        hidden: tuple[int, ...],
-        generator: torch.Generator,
-        bounds: Tensor | None = None,
-    ) -> None:
-        super().__init__(strategies, features, hidden, generator)
-        self.bounds = torch.tensor([0.0, 1.0]) if bounds is None else bounds
+    bounds: Tensor
 
     def fit(
         self,

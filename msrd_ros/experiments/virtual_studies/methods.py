@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -32,6 +33,8 @@ from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardEnsemble, RewardForm
 from msrd_ros.learning.trajectories import Demonstrations
+
+N = TypeVar("N", StrategyClassifier, TaughtRewards)
 
 
 class Method(StrEnum):
@@ -114,13 +117,13 @@ def train(
     """
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
-        classifier = _fresh_classifier(task, demonstrations, seed)
+        classifier = _fresh(StrategyClassifier, task, demonstrations, seed)
         classifier.fit(DemonstrationPool(demonstrations), budget.classifier_steps)
         return from_classifier(classifier, time.perf_counter() - started)
     if method is Method.TAUGHT:
         if truth is None:
             raise ValueError("Method.TAUGHT is taught the true strategy rewards: pass truth")
-        taught = _fresh_taught(task, demonstrations, seed)
+        taught = _fresh(TaughtRewards, task, demonstrations, seed)
         taught.fit(DemonstrationPool(demonstrations), truth.table, budget.classifier_steps)
         return from_teaching(taught, time.perf_counter() - started)
     if method is Method.ORACLE:
@@ -169,12 +172,12 @@ def restore(
     if method is Method.ORACLE:
         return from_places(task, weights["places"], seconds)
     if method is Method.CLASSIFIER:
-        classifier = _fresh_classifier(task, demonstrations, 0)
+        classifier = _fresh(StrategyClassifier, task, demonstrations, 0)
         classifier.network.load_state_dict(weights)
         return from_classifier(classifier, seconds)
     if method is Method.TAUGHT:
-        bounds = weights.pop("bounds")
-        taught = _fresh_taught(task, demonstrations, 0, bounds)
+        taught = _fresh(TaughtRewards, task, demonstrations, 0)
+        taught.bounds = weights.pop("bounds")
         taught.network.load_state_dict(weights)
         return from_teaching(taught, seconds)
     blank = make_trainer(task, method, demonstrations, budget, 0).averaged_rewards
@@ -183,15 +186,7 @@ def restore(
     return from_rewards(task, rewards, seconds, int(steps))
 
 
-def _fresh_classifier(task: VirtualTask, demonstrations: Demonstrations, seed: int) -> StrategyClassifier:
-    """No inverse reinforcement learning: a softmax classifier on the demonstrations' states."""
+def _fresh(network: type[N], task: VirtualTask, demonstrations: Demonstrations, seed: int) -> N:
+    """A network on the demonstrations' states, untrained; no inverse reinforcement learning."""
     generator = torch.Generator().manual_seed(seed)
-    return StrategyClassifier(demonstrations.strategies, task.features, (32, 32), generator)
-
-
-def _fresh_taught(
-    task: VirtualTask, demonstrations: Demonstrations, seed: int, bounds: Tensor | None = None
-) -> TaughtRewards:
-    """The classifier's network, taught the truth."""
-    generator = torch.Generator().manual_seed(seed)
-    return TaughtRewards(demonstrations.strategies, task.features, (32, 32), generator, bounds)
+    return network(demonstrations.strategies, task.features, (32, 32), generator)
