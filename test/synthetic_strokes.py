@@ -86,7 +86,9 @@ def feed(time_ns: int) -> bytes:
 
 def outcome(time_ns: int, label: str, ball_id: int = 1, miss: MissReason | None = None) -> bytes:
     """A `rally/outcome` as the referee writes it."""
-    result = Outcome(ball_id, struck=True, miss_reason=miss, hit_time_s=0.6, spin_y_rad_s=12.5)
+    result = Outcome(
+        ball_id, struck=True, miss_reason=miss, hit_time_s=0.6, decision_time_s=RALLY_S, spin_y_rad_s=12.5
+    )
     values = [make("diagnostic_msgs/msg/KeyValue", key, text) for key, text in result.to_values().items()]
     status = make("diagnostic_msgs/msg/DiagnosticStatus", 0, "rally", result.message, "", values)
     message = make("diagnostic_msgs/msg/DiagnosticArray", header(time_ns, label), [status])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import pytest
 from synthetic_strokes import (
@@ -291,6 +291,30 @@ def test_pauses_are_refused_wherever_they_are(topic: str, reason: Refusal) -> No
     ):
         paused = [m for m in good if m.topic != topic or not begin <= m.log_time_ns <= stop]
         assert judge(paused).reason == reason
+
+
+@pytest.mark.parametrize("come_in", [arrivals, in_simulated_time])
+def test_a_stroke_that_is_first_heard_in_mid_flight_is_refused(
+    come_in: Callable[[Iterable[BagMessage]], list[Arrival]],
+) -> None:
+    early, late = (
+        [
+            message
+            for message in stroke_messages(start_ns=SIMULATED_NS)
+            if message.topic in ("strategy", "feed")
+            or message.log_time_ns >= SIMULATED_NS + int((LAUNCH_S + heard_s) * 1e9)
+        ]
+        for heard_s in (-0.1, 0.3)
+    )
+    (whole,) = cut(come_in(early))
+    assert inspect(whole, LIMITS).accepted
+    (torn,) = cut(come_in(late))
+    verdict = inspect(torn, LIMITS)
+    assert verdict.reason == (Refusal.LAUNCH_MISSED if come_in is in_simulated_time else Refusal.JOINT_GAP)
+    (told_nothing,) = cut(come_in([m for m in late if m.topic not in ("strategy", "feed")]))
+    verdict = inspect(dataclasses.replace(told_nothing, label=whole.label), LIMITS)
+    assert verdict.reason == Refusal.LAUNCH_MISSED
+    assert "0.300 s after the launch" in verdict.detail
 
 
 def test_a_camera_that_freezes_is_refused() -> None:

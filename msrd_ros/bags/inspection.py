@@ -29,6 +29,7 @@ class Refusal(StrEnum):
     NO_JOINT_STATES = "no_joint_states"
     NO_BALL = "no_ball"
     MESSAGES_LOST = "messages_lost"
+    LAUNCH_MISSED = "launch_missed"
     BAD_JOINT_STATES = "bad_joint_states"
     BAD_BALL = "bad_ball"
     JOINT_GAP = "joint_gap"
@@ -69,7 +70,7 @@ class InspectionLimits:
     speed_tolerance
         Joint speed as a fraction of its limit, at any sample.
     joint_gap_s, ball_gap_s
-        Longest time between two samples from the launch to the outcome.
+        Longest time between two samples from the launch to the outcome, and from the launch to the first.
     """
 
     speed_tolerance: float = 1.01
@@ -155,6 +156,13 @@ def _inspect_motion(
     gap_s = _longest_gap_s(stroke, joints, joint_times, stroke.messages[0].log_time_ns)
     if gap_s > limits.joint_gap_s:
         return Verdict(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s")
+    # Who begins to listen in mid-flight has heard no pause: only the referee tells when the launch was.
+    missed_s = stroke.flight_s - (stroke.end_ns - joints[0].log_time_ns) / 1e9
+    if missed_s > limits.joint_gap_s:
+        return Verdict(
+            Refusal.LAUNCH_MISSED,
+            f"joint_states were first heard {missed_s:.3f} s after the launch; start to record before it",
+        )
     # A ball that a person throws is in nobody's sight before.
     fed = any(message.topic == FEED for message in stroke.messages)
     gap_s = _longest_gap_s(stroke, balls, ball_times, stroke.launch_ns if fed else balls[0].log_time_ns)

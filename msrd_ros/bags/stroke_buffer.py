@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from msrd_ros.bags.cdr import read_stamp_ns
-from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke, read_outcome
+from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke, read_decision
 from msrd_ros.bags.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
 
 _QUIET_TICKS = 3
@@ -90,19 +90,20 @@ class StrokeBuffer:
         """Take the stroke of the oldest pending outcome out of the buffer."""
         outcome = self._outcomes.popleft()
         end = self._key(outcome)
-        feed = self._feed_of(outcome)
+        decision = read_decision(outcome.data)
+        feed = self._feed_of(outcome, decision.ball_id)
         inside = sorted(
             (a for a in self._arrivals if self._key(a) <= end and a is not outcome), key=self._key
         )
         if feed is not None:
             bisect.insort(inside, feed, key=self._key)
         inside.append(outcome)
-        stroke = cut_stroke(inside, self._strategy, self._simulated, self._settings)
+        stroke = cut_stroke(inside, decision, self._strategy, self._simulated, self._settings)
         self._remember_strategy(inside)
         self._arrivals = deque(arrival for arrival in self._arrivals if self._key(arrival) > end)
         return stroke
 
-    def _feed_of(self, outcome: Arrival) -> Arrival | None:
+    def _feed_of(self, outcome: Arrival, number: str) -> Arrival | None:
         """The feed that led to an outcome, taken out; balls are decided in the order in which they were fed.
 
         Where ball numbers leave some out, their outcomes were never heard: those feeds go as well. Kept, each
@@ -110,7 +111,6 @@ class StrokeBuffer:
         """
         end = self._key(outcome)
         waiting = sum(self._key(feed) <= end for feed in self._feeds)
-        number = read_outcome(outcome.data)[0]
         if number.isdecimal():
             unheard = int(number) - self._last_ball - 1
             for _ in range(min(unheard, waiting - 1)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -71,8 +72,9 @@ class Stroke:
     ----------
     label
         From the outcome, else from the strategy in effect at the launch; None if neither has one.
-    ball_id, outcome
-        The ball's number and ``returned`` or the miss reason, as the referee wrote them.
+    ball_id, outcome, flight_s
+        The ball's number, ``returned`` or the miss reason, and how many seconds after its launch it was
+        decided, as the referee wrote them; NaN where it does not say when.
     launch_ns, end_ns
         Log times of launch and outcome.
     messages
@@ -84,14 +86,27 @@ class Stroke:
     label: StrategyLabel | None
     ball_id: str
     outcome: str
+    flight_s: float
     launch_ns: int
     end_ns: int
     messages: tuple[BagMessage, ...]
     lost: int
 
 
+class Decision(NamedTuple):
+    """What a `Stroke` takes from the referee's words; fields as there."""
+
+    ball_id: str = ""
+    outcome: str = ""
+    flight_s: float = math.nan
+
+
 def cut_stroke(
-    arrivals: Sequence[Arrival], strategy: Arrival | None, simulated: bool, settings: CutSettings
+    arrivals: Sequence[Arrival],
+    decision: Decision,
+    strategy: Arrival | None,
+    simulated: bool,
+    settings: CutSettings,
 ) -> Stroke:
     """Make a stroke of the messages since the last one.
 
@@ -99,6 +114,8 @@ def cut_stroke(
     ----------
     arrivals
         In order, ending with the outcome.
+    decision
+        What that outcome says.
     strategy
         The strategy in effect before the first of them.
     simulated
@@ -129,17 +146,21 @@ def cut_stroke(
             continue  # lockstep repeats unanswered ticks, and the ball while there is no new camera frame
         previous[arrival.role] = arrival.data
         messages.append(_message(arrival, time_ns, simulated))
-    ball_id, text = read_outcome(outcome.data)
     messages.sort(key=lambda message: message.log_time_ns)
-    return Stroke(label, ball_id, text, launch_ns, times[-1], tuple(messages), lost)
+    return Stroke(label, *decision, launch_ns, times[-1], tuple(messages), lost)
 
 
-def read_outcome(data: bytes) -> tuple[str, str]:
-    """Ball number and message of a serialised `rally/outcome`; empty if it holds no status ``rally``."""
+def read_decision(data: bytes) -> Decision:
+    """What a serialised `rally/outcome` says; nothing if it holds no status ``rally``."""
     for status in deserialise(data, CONTRACT[OUTCOME].type_name).status:
         if status.name == "rally":
-            return {item.key: item.value for item in status.values}.get("ball_id", ""), status.message
-    return "", ""
+            values = {item.key: item.value for item in status.values}
+            try:
+                flight_s = float(values["decision_time_s"])
+            except (KeyError, ValueError):
+                flight_s = math.nan
+            return Decision(values.get("ball_id", ""), status.message, flight_s)
+    return Decision()
 
 
 def _launch_index(arrivals: Sequence[Arrival]) -> int:
