@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
 gymnasium = pytest.importorskip("gymnasium")
 pytest.importorskip("mujoco")
 
+from msrd_ros.experiments.hopper.demonstrators import gait_policies  # noqa: E402
 from msrd_ros.experiments.hopper.environment import (  # noqa: E402
     FEATURE_NAMES,
     OBSERVATION_NAMES,
@@ -17,6 +19,7 @@ from msrd_ros.experiments.hopper.environment import (  # noqa: E402
     mean_speed,
     task_reward,
 )
+from msrd_ros.experiments.hopper.task import make_collector, make_restarting  # noqa: E402
 
 
 def test_equal_to_gymnasium_step_by_step() -> None:
@@ -53,6 +56,16 @@ def test_upright_strategies_start_again_after_a_fall() -> None:
             assert healthy[0, episode, step + 1]
             assert states[0, episode, step + 1, 0] == 0.0
     assert not healthy[1, :, -1].any()
+
+
+def test_bad_examples_start_again_whenever_they_fall() -> None:
+    policies = gait_policies(2, torch.Generator().manual_seed(0), 3.0, 3.0)
+    for maker, most in ((make_restarting, 0.2), (make_collector, 1.0)):
+        played = maker(200).collect(policies, 3, np.random.default_rng(6)).observations
+        down = ~is_healthy(played)
+        assert 0.0 < down.mean() < most
+        again = down[..., 1:] & down[..., :-1]
+        assert again.any() == (maker is make_collector)
 
 
 def test_goes_on_after_a_fall_for_the_whole_horizon() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -34,11 +35,12 @@ from msrd_ros.learning.config import (
 )
 from msrd_ros.learning.discriminator import Penalty
 from msrd_ros.learning.msrd import MSRD
+from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.presets import as_printed, inverted_pendulum, table_tennis
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.learning.rollouts import BatchedCollector
-from msrd_ros.learning.trajectories import Transitions
+from msrd_ros.learning.trajectories import Rollouts, Transitions
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 
@@ -67,6 +69,37 @@ def test_same_seed_same_numbers_other_seed_other_numbers() -> None:
         assert torch.equal(value, second.rewards.state_dict()[name]), name
     assert torch.equal(first.policies.flat(), second.policies.flat())
     assert not torch.equal(first.policies.flat(), third.policies.flat())
+
+
+class Counting:
+    """A collector that counts its steps."""
+
+    def __init__(self) -> None:
+        self.inside = BatchedCollector(PointMass())
+        self.steps = 0
+
+    def collect(self, policies: Policies, episodes: int, rng: np.random.Generator) -> Rollouts:
+        rollouts = self.inside.collect(policies, episodes, rng)
+        self.steps += rollouts.observations[:, :, 1:, 0].size
+        return rollouts
+
+
+@pytest.mark.parametrize("make", [MSRD, pooled_airl, airl_per_strategy])
+def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_examples(
+    make: Callable[..., MSRD],
+) -> None:
+    cloning = CloningConfig(steps=5, disturbances=(1.0,), restarts=(1.0, 3.0), snapshot_episodes=2)
+    config = replace(BASE, cloning=cloning, replay=ReplayConfig(snapshot_share=0.5))
+    collector, restarting = Counting(), Counting()
+    with pytest.raises(ValueError, match="pass restarting"):
+        make(config, point_demonstrations(), collector, 0)
+    trainer = make(config, point_demonstrations(), collector, 0, restarting=restarting)
+    trainer.clone()
+    assert restarting.steps == 2 * collector.steps > 0
+    assert trainer.environment_steps == collector.steps + restarting.steps
+    assert trainer.state_dict()["snapshots"].shape[:2].numel() == trainer.environment_steps
+    trainer.sweep()
+    assert restarting.steps + collector.steps == trainer.environment_steps
 
 
 @pytest.mark.parametrize(

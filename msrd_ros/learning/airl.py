@@ -15,8 +15,14 @@ from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations
 
 
-def pooled_airl(config: MSRDConfig, demonstrations: Demonstrations, collector: Collector, seed: int) -> MSRD:
-    """One reward and one policy for the demonstrations of all strategies together.
+def pooled_airl(
+    config: MSRDConfig,
+    demonstrations: Demonstrations,
+    collector: Collector,
+    seed: int,
+    restarting: Collector | None = None,
+) -> MSRD:
+    """One reward and one policy for the demonstrations of all strategies together; arguments as of `MSRD`.
 
     It plays and samples as many transitions a sweep as MSRD does for all strategies.
     """
@@ -40,12 +46,16 @@ def pooled_airl(config: MSRDConfig, demonstrations: Demonstrations, collector: C
             snapshot_episodes=config.cloning.snapshot_episodes * strategies,
         ),
     )
-    return MSRD(config, demonstrations.pooled(), collector, seed)
+    return MSRD(config, demonstrations.pooled(), collector, seed, restarting=restarting)
 
 
 def airl_per_strategy(
-    config: MSRDConfig, demonstrations: Demonstrations, collector: Collector, seed: int
+    config: MSRDConfig,
+    demonstrations: Demonstrations,
+    collector: Collector,
+    seed: int,
+    restarting: Collector | None = None,
 ) -> MSRD:
-    """A reward of its own for each strategy, nothing shared, trained side by side."""
+    """A reward of its own for each strategy, nothing shared, trained side by side; arguments as of `MSRD`."""
     config = replace(config, reward=replace(config.reward, form=RewardForm.STRATEGY_ONLY, alpha=1.0))
-    return MSRD(config, demonstrations, collector, seed)
+    return MSRD(config, demonstrations, collector, seed, restarting=restarting)

@@ -32,6 +32,9 @@ class CloningConfig:
     disturbances
         Standard deviations with which the finished clones are played to give further bad examples, from
         nearly right to hopeless.
+    restarts
+        The same where an episode starts again whenever the task is lost (see `MSRD`): bad examples that do
+        not only lie about where hopeless ones end.
     snapshot_episodes
         Episodes played by each snapshot or disturbed clone and strategy.
     """
@@ -43,6 +46,7 @@ class CloningConfig:
     corrections: tuple[tuple[str, str, float], ...] = ()
     snapshots: tuple[int, ...] = ()
     disturbances: tuple[float, ...] = ()
+    restarts: tuple[float, ...] = ()
     snapshot_episodes: int = 2
 
 

@@ -44,6 +44,9 @@ class MSRD:
         Everything random follows from it; the same seed gives the same run bit for bit on one machine.
     policies
         Initial policies; None makes Gaussian ones from `config`.
+    restarting
+        Where ``config.cloning.restarts`` are played: as `collector`, but episodes start again whenever the
+        task is lost.
 
     Attributes
     ----------
@@ -62,12 +65,16 @@ class MSRD:
         collector: Collector,
         seed: int,
         policies: Policies | None = None,
+        restarting: Collector | None = None,
     ) -> None:
+        if config.cloning.restarts and restarting is None:
+            raise ValueError("cloning.restarts need a place where episodes start again: pass restarting")
         self.config = config
         self.layout = demonstrations.layout
         self.sweeps_done = 0
         self.environment_steps = 0
         self._collector = collector
+        self._restarting = restarting or collector
         torch_seed, numpy_seed = np.random.SeedSequence(seed).spawn(2)
         self._generator = torch.Generator().manual_seed(int(torch_seed.generate_state(1, np.uint64)[0]) >> 1)
         self._rng = np.random.default_rng(numpy_seed)
@@ -130,8 +137,8 @@ class MSRD:
         """Start the policies near the demonstrations (behaviour cloning; not in the paper's algorithm)."""
         played: list[Transitions] = []
 
-        def play_snapshot() -> None:
-            rollouts = self._collect(self.config.cloning.snapshot_episodes)
+        def play_snapshot(collector: Collector = self._collector) -> None:
+            rollouts = self._collect(self.config.cloning.snapshot_episodes, collector)
             played.append(self._transitions(rollouts))
 
         if not isinstance(self.policies, GaussianPolicies):
@@ -147,9 +154,13 @@ class MSRD:
         )
         with torch.no_grad():
             explored = self.policies.log_std.clone()
-            for deviation in self.config.cloning.disturbances:
-                self.policies.log_std.fill_(float(np.log(deviation)))
-                play_snapshot()
+            for collector, deviations in (
+                (self._collector, self.config.cloning.disturbances),
+                (self._restarting, self.config.cloning.restarts),
+            ):
+                for deviation in deviations:
+                    self.policies.log_std.fill_(float(np.log(deviation)))
+                    play_snapshot(collector)
             self.policies.log_std.copy_(explored)
         self._snapshots = Transitions.join(played) if played else None
         return {"cloning_error": float(error.mean())}
@@ -160,7 +171,7 @@ class MSRD:
         config = self.config
 
         # Line 6: collect K trajectories of every policy.
-        rollouts = self._collect(config.episodes)
+        rollouts = self._collect(config.episodes, self._collector)
         generated = self._transitions(rollouts)
 
         # Line 7: sample demonstrations of every strategy.
@@ -221,8 +232,8 @@ class MSRD:
             reward = reward - generated.log_prob
         return reward
 
-    def _collect(self, episodes: int) -> Rollouts:
-        rollouts = self._collector.collect(self.policies, episodes, self._rng)
+    def _collect(self, episodes: int, collector: Collector) -> Rollouts:
+        rollouts = collector.collect(self.policies, episodes, self._rng)
         self.environment_steps += rollouts.observations[:, :, 1:, 0].size
         return rollouts
 

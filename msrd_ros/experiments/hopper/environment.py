@@ -103,8 +103,8 @@ class Hopper:
         Probability with which an action is replaced by a uniformly random one, one value for all or
         ``[S, K]``: the noise injection (Brown et al., 2019) that makes trajectories of various quality.
     gets_up
-        Per strategy: whether an episode starts again, one step after it stopped being healthy. For training
-        demonstrators only; empty means that nobody does.
+        Whether an episode starts again, one step after it stopped being healthy, for all or per strategy: for
+        training demonstrators, and for bad examples.
     """
 
     observation_names = OBSERVATION_NAMES
@@ -115,7 +115,7 @@ class Hopper:
         horizon: int = EPISODE_STEPS,
         body: HopperBody | None = None,
         random_actions: float | NDArray[np.float64] = 0.0,
-        gets_up: tuple[bool, ...] = (),
+        gets_up: bool | tuple[bool, ...] = False,
     ) -> None:
         self.horizon = self.acting_steps = horizon
         self._random_actions = np.asarray(random_actions, dtype=np.float64)
@@ -171,7 +171,8 @@ class Hopper:
 
     def _down(self) -> NDArray[np.bool_]:
         """Episodes that are to start again, ``[S * K]``."""
-        strict = np.repeat(np.array(self._gets_up), self._shape[1])
+        strategies, episodes = self._shape
+        strict = np.repeat(np.broadcast_to(self._gets_up, strategies), episodes)
         return np.asarray(strict & ~is_healthy(self._physics[:, 1:]))
 
     def _observe(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -46,6 +46,11 @@ def make_collector(
     return BatchedCollector(Hopper(horizon, body, random_actions))
 
 
+def make_restarting(horizon: int) -> BatchedCollector:
+    """Where an episode that stopped being healthy starts again, as in Gymnasium's own Hopper."""
+    return BatchedCollector(Hopper(horizon, gets_up=True))
+
+
 def preset() -> MSRDConfig:
     """Settings of MSRD on this task."""
     return hopper(FEATURE_NAMES, FEATURE_SCALES, TRUNK_NAMES)
@@ -84,5 +89,6 @@ HOPPER = VirtualTask(
     has_fallen,
     NOISE_LEVELS,
     OBSERVATION_NAMES.index("torso_z"),
+    make_restarting,
     {Method.AIRL.value: airl_preset, Method.MSRD_AS_PRINTED.value: as_printed_preset},
 )

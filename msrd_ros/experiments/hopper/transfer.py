@@ -135,7 +135,7 @@ def _clones(demonstrations: Demonstrations, seed: int) -> GaussianPolicies:
     """Hop and crawl by plain behaviour cloning, no rewards at all."""
     policies = gait_policies(demonstrations.strategies, torch.Generator().manual_seed(seed), 0.15)
     layout = demonstrations.layout
-    settings = replace(preset().cloning, steps=3000, batch=256, snapshots=(), disturbances=())
+    settings = replace(preset().cloning, steps=3000, batch=256, snapshots=(), disturbances=(), restarts=())
     clone(
         policies,
         DemonstrationPool(demonstrations),

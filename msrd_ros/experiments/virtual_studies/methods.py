@@ -156,7 +156,9 @@ def make_trainer(
         Method.AIRL_EACH_CROSS: airl_per_strategy,
     }
     collector = task.make_collector(budget.horizon)
-    return makers.get(method, MSRD)(configure(task, method, budget), demonstrations, collector, seed)
+    restarting = task.make_restarting(budget.horizon) if task.make_restarting else None
+    config = configure(task, method, budget)
+    return makers.get(method, MSRD)(config, demonstrations, collector, seed, restarting=restarting)
 
 
 def restore(

@@ -98,6 +98,8 @@ class VirtualTask:
         Probabilities of random actions for test trajectories; beyond the last all are alike.
     telling_column
         Column of the observation whose settled mean tells the strategies apart, for the oracle.
+    make_restarting
+        Where episodes of so many steps start again whenever the task is lost; None: nowhere.
     own_presets
         By a method's name: settings tuned for it alone; without, those of `preset`. Of those for the paper's
         loss and for AIRL per strategy `as_printed` then takes whatever the paper does not have.
@@ -114,4 +116,5 @@ class VirtualTask:
     has_fallen: Callable[[Observations], NDArray[np.bool_]]
     noise_levels: tuple[float, ...]
     telling_column: int
+    make_restarting: Callable[[int], Collector] | None = None
     own_presets: Mapping[str, Callable[[], MSRDConfig]] = field(default_factory=dict)
