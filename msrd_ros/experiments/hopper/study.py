@@ -76,7 +76,7 @@ class StudyPlan:
     test_clean: int = 5
     test_unseen: int = 1
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
-    transfer_pairs: int = 2
+    transfer_pairs: int = 4
     workers: int = 2
 
     @classmethod
