@@ -12,6 +12,7 @@ from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.topics import BALL_POSITION, CONTRACT, FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
 from msrd_ros.facts.errors import UserError
 from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.facts.translation import RALLY_STATUS
 
 STATES = (JOINT_STATES, BALL_POSITION)
 """The topics of which every message counts."""
@@ -153,7 +154,7 @@ def cut_stroke(
 def read_decision(data: bytes) -> Decision:
     """What a serialised `rally/outcome` says; nothing if it holds no status ``rally``."""
     for status in deserialise(data, CONTRACT[OUTCOME].type_name).status:
-        if status.name == "rally":
+        if status.name == RALLY_STATUS:
             values = {item.key: item.value for item in status.values}
             try:
                 flight_s = float(values["decision_time_s"])
