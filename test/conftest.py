@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from rclpy.node import Node
 
+from builds import colcon
 from domains import observer, reserved_domain
 from msrd_ros.core.compiled_cache import choose_compiled_cache
 from msrd_ros.core.scratch import provide_writable_directories
@@ -126,11 +127,6 @@ def colcon_overlay(source: Path) -> Installation:
     return Installation(
         "colcon overlay", {key: variables[key] for key in ("AMENT_PREFIX_PATH", "PYTHONPATH", "PATH")}
     )
-
-
-def colcon(workspace: Path) -> list[str]:
-    """The colcon command of this environment, keeping its log in the workspace."""
-    return [sys.executable, "-m", "colcon", "--log-base", str(workspace / "log")]
 
 
 def _run(command: list[str], directory: Path) -> str:

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from conftest import colcon
 
 import msrd_ros
+from builds import colcon
 from msrd_ros.__main__ import EXECUTABLES
 from msrd_ros.nodes.parameter_files import NODES, config_type, parameter_file
 from processes import CHECKOUT, PACKAGE, Installation
