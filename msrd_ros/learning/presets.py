@@ -22,7 +22,7 @@ def inverted_pendulum() -> MSRDConfig:
     """Inverted pendulum: cloned start, small trust region, replay, cross-negatives, slope penalties."""
     features = FeatureConfig(scales=(0.5, 0.3, 1.0, 2.0))
     return MSRDConfig(
-        sweeps=80,
+        iterations=80,
         episodes=1,
         policy_reward=PolicyReward.LOGIT,
         reward=RewardConfig(task_features=features, strategy_features=features),
@@ -81,7 +81,7 @@ def hopper(
     scales = dict(zip(feature_names, feature_scales, strict=True))
     task_features = FeatureConfig(names=task_names, scales=tuple(scales[name] for name in task_names))
     return MSRDConfig(
-        sweeps=30,
+        iterations=30,
         episodes=2,
         policy_reward=PolicyReward.LOGIT,
         # The goal is a matter of the trunk, as it is one of the ball in table tennis; limbs are how. With all
@@ -104,8 +104,8 @@ def hopper(
             cross_batch=256,
             cross_weight=1.0,
             gradient_penalty=0.1,
-            centre_density=True,
-            density_bounds=(-10.0, 10.0),
+            centre_log_prob=True,
+            log_prob_bounds=(-10.0, 10.0),
         ),
         # Generators start near the demonstrators and stay there: only bad examples show what R0 is about.
         replay=ReplayConfig(keep=512, replay_share=0.15, snapshot_share=0.75),
@@ -118,7 +118,7 @@ def hopper(
             snapshots=(0, 40, 160),
             # Most of them between nearly right and hopeless: with hopeless ones alone R0 falls there so far
             # below all else that half the speeds of a gait come out nearly alike.
-            disturbances=(0.6, 1.0, 1.5, 2.0),
+            noise_levels=(0.6, 1.0, 1.5, 2.0),
             # Pure chance soon lies down. Only where it starts again does R0 see bodies that are upright and
             # get nowhere; without, it took a gait that stands still for better than a slow crawl.
             restarts=(3.0, 3.0),
@@ -138,7 +138,7 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
         Observation columns of the ball and of the joint positions.
     """
     return MSRDConfig(
-        sweeps=80,
+        iterations=80,
         episodes=200,
         discount=0.995,
         gae_decay=0.97,
@@ -149,7 +149,7 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
         ),
         discriminator=DiscriminatorConfig(
             # The rewards must learn faster than the policies, or both chase each other: with half the steps
-            # and half the rate, strokes that had reached 100 % fell to 50 and came back 30 sweeps later.
+            # and half the rate, strokes that had reached 100 % fell to 50 and came back 30 iterations later.
             steps=20,
             first_steps=200,
             batch=512,
@@ -163,21 +163,21 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
             cross_weight=1.0,
             cross_batch=256,
             cross_demonstrations=1.0,
-            centre_density=True,
-            density_bounds=(-10.0, 10.0),
+            centre_log_prob=True,
+            log_prob_bounds=(-10.0, 10.0),
         ),
         # Half of the negatives are old: once nobody misses any more, R0 would forget what a miss is.
-        replay=ReplayConfig(keep=2048, sweeps=100, replay_share=0.25, snapshot_share=0.25),
+        replay=ReplayConfig(keep=2048, iterations=100, replay_share=0.25, snapshot_share=0.25),
         # At .03 training takes more than twice as long, for the same KL moves the mean half as far.
         policy=PolicyConfig(hidden=(64, 64), std=0.07, std_min=0.01, std_max=0.08),
         # More damping shortens the steps (at .1 to half the KL); late steps only wander, so they get short.
         # Ten conjugate gradient steps on a fifth of the samples leave the direction so far from the natural
-        # gradient that training takes four times as many sweeps.
+        # gradient that training takes four times as many iterations.
         trust_region=TrustRegionConfig(
             kl=0.04, kl_end=0.1, damping=0.01, cg_iterations=25, fisher_fraction=0.3
         ),
         # With 20 steps most of the returns stay unexplained and the advantages are mostly noise, which is
-        # what limits the pace here (twice the KL does not help): 200 steps halve the number of sweeps.
+        # what limits the pace here (twice the KL does not help): 200 steps halve the number of iterations.
         value=ValueConfig(hidden=(64, 64), steps=200, sees_time=True, bootstrap=False),
         # Longer plain cloning fits twelve demonstrations better and the worst stroke less well.
         cloning=CloningConfig(
@@ -186,7 +186,7 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
     )
 
 
-def with_corrections(
+def with_recovery_labels(
     config: MSRDConfig, joint_names: tuple[str, ...], action_names: tuple[str, ...]
 ) -> MSRDConfig:
     """The same run started from cloning with injected joint offsets and labels that undo them.
@@ -194,10 +194,13 @@ def with_corrections(
     Offsets of .03 rad, as far as start postures stray; undone at 6 speed fractions a radian. `action_names`
     go with `joint_names` one to one. The noise keeps longer cloning from fitting too closely.
     """
-    corrections = tuple((joint, action, 6.0) for joint, action in zip(joint_names, action_names, strict=True))
+    recovery_labels = tuple(
+        (joint, action, 6.0) for joint, action in zip(joint_names, action_names, strict=True)
+    )
     noise = tuple((joint, 0.03) for joint in joint_names)
     return replace(
-        config, cloning=replace(config.cloning, steps=2000, state_noise=noise, corrections=corrections)
+        config,
+        cloning=replace(config.cloning, steps=2000, state_noise=noise, recovery_labels=recovery_labels),
     )
 
 

@@ -46,9 +46,9 @@ def make_collector(
     return BatchedCollector(Hopper(horizon, body, random_actions))
 
 
-def make_restarting(horizon: int) -> BatchedCollector:
+def make_autoreset(horizon: int) -> BatchedCollector:
     """Where an episode that stopped being healthy starts again, as in Gymnasium's own Hopper."""
-    return BatchedCollector(Hopper(horizon, gets_up=True))
+    return BatchedCollector(Hopper(horizon, autoreset=True))
 
 
 def preset() -> MSRDConfig:
@@ -89,6 +89,6 @@ HOPPER = VirtualTask(
     has_fallen,
     NOISE_LEVELS,
     OBSERVATION_NAMES.index("torso_z"),
-    make_restarting,
+    make_autoreset,
     {Method.AIRL.value: airl_preset, Method.MSRD_AS_PRINTED.value: as_printed_preset},
 )

@@ -39,7 +39,7 @@ MOVES, STANDS, BLOCKED = 0, 1, 2
 
 @dataclass(frozen=True)
 class DriverGains:
-    """Correction of tracking errors as accelerations, so that every joint is equally stiff.
+    """RecoveryLabel of tracking errors as accelerations, so that every joint is equally stiff.
 
     Attributes
     ----------
