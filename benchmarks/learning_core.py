@@ -18,9 +18,9 @@ import torch
 
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.presets import inverted_pendulum
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum
 
 PARTS = {
     "rollouts": ("rollouts.py", "collect"),

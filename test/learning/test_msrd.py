@@ -37,13 +37,15 @@ from msrd_ros.learning.config import (
 from msrd_ros.learning.discriminator import Penalty
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import Policies
-from msrd_ros.learning.presets import as_printed, inverted_pendulum, table_tennis
+from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts, Transitions
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum
+from msrd_ros.table_tennis.strokes.presets import table_tennis
 
 BASE = MSRDConfig(iterations=3, discriminator=DiscriminatorConfig(steps=3, batch=32, cross_batch=16))
 

@@ -26,7 +26,6 @@ from msrd_ros.learning.airl import airl_per_strategy
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
-from msrd_ros.learning.presets import table_tennis, with_recovery_labels
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 from msrd_ros.robots.sawyer import JOINT_NAMES
@@ -38,6 +37,7 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
+from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
 METHODS = ("msrd", "airl")
 REWARD_GROUPS: dict[str, Callable[[StrategyLabel], str]] = {
