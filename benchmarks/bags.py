@@ -25,18 +25,17 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 # The strokes, publishers and processes made up for the tests.
-sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test")]
+sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "helpers")]
 
-from processes import Installation, Launcher  # noqa: E402
-from stroke_source import SENT, StrokeSource  # noqa: E402
-from synthetic_strokes import at_root, described, stroke_messages, topics_of  # noqa: E402
-
-from msrd_ros.bags.episodes import read_episodes  # noqa: E402
-from msrd_ros.bags.library import BagLibrary  # noqa: E402
 from msrd_ros.bags.reader import Bag  # noqa: E402
 from msrd_ros.bags.schemas import typestore  # noqa: E402
 from msrd_ros.bags.writer import keep_stroke  # noqa: E402
-from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel  # noqa: E402
+from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel  # noqa: E402
+from msrd_ros.recordings.episodes import read_episodes  # noqa: E402
+from msrd_ros.recordings.library import BagLibrary  # noqa: E402
+from processes import Installation, Launcher  # noqa: E402
+from stroke_source import SENT, StrokeSource  # noqa: E402
+from synthetic_strokes import at_root, described, stroke_messages, topics_of  # noqa: E402
 
 DOMAIN_ID = 97
 ALL_HEARD = "hears joint_states, ball/position, feed, strategy, rally/outcome$"

@@ -19,17 +19,17 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from msrd_ros.experiments.inverted_pendulum.demonstrators import Kind, cached_demonstrators
-from msrd_ros.experiments.inverted_pendulum.study import PENDULUM, StudyPlan
-from msrd_ros.experiments.virtual_studies.estimates import from_rewards
-from msrd_ros.experiments.virtual_studies.evaluation import (
+from msrd_ros.learning.rewards import RewardEnsemble
+from msrd_ros.studies.inverted_pendulum.demonstrators import Kind, cached_demonstrators
+from msrd_ros.studies.inverted_pendulum.study import PENDULUM, StudyPlan
+from msrd_ros.studies.shared.estimates import from_rewards
+from msrd_ros.studies.shared.evaluation import (
     correlation,
     make_test_set,
     mean_over,
     normalised,
 )
-from msrd_ros.experiments.virtual_studies.methods import Method, make_trainer
-from msrd_ros.learning.rewards import RewardEnsemble
+from msrd_ros.studies.shared.methods import Method, make_trainer
 
 LEVELS = (0.9, 0.95)
 

@@ -20,21 +20,20 @@ import numpy as np
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 # Policies and processes made up for the tests.
-sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test")]
+sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "helpers")]
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 from made_up_policies import made_up_policies  # noqa: E402
-from stack import Stack  # noqa: E402
-
-from msrd_ros.experiments.stroke_rollouts import BulletPlayers, StrokeBatch  # noqa: E402
-from msrd_ros.facts.labels import ALL_LABELS  # noqa: E402
+from msrd_ros.contract.labels import ALL_LABELS  # noqa: E402
 from msrd_ros.nodes.topic_rollouts import TopicCollector  # noqa: E402
-from msrd_ros.table_tennis.kinematic_rallies import (  # noqa: E402
+from msrd_ros.table_tennis.simulation.batched import (  # noqa: E402
     KinematicRallies,
     KinematicRalliesConfig,
     RallyPlan,
 )
-from msrd_ros.table_tennis.world import WorldConfig  # noqa: E402
+from msrd_ros.table_tennis.simulation.world import WorldConfig  # noqa: E402
+from msrd_ros.table_tennis.strokes.rollouts import BulletPlayers, StrokeBatch  # noqa: E402
+from stack import Stack  # noqa: E402
 
 DOMAIN_ID = 96
 STROKE_S = 1.96

@@ -18,13 +18,13 @@ import numpy as np
 import torch
 from learning_core import PARTS, seconds_of_parts
 
-from msrd_ros.experiments.stroke_training import StrokeTraining, StrokeTrainingConfig, mean_landing_points
-from msrd_ros.experiments.table_tennis.recording import load_episodes
-from msrd_ros.facts.resources import shipped_bags
+from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.config import MSRDConfig, PolicyReward
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.rollouts import BatchedCollector
+from msrd_ros.studies.table_tennis.recording import load_episodes
+from msrd_ros.table_tennis.strokes.training import StrokeTraining, StrokeTrainingConfig, mean_landing_points
 
 BALLS = 400
 EVERY = 5

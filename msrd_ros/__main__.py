@@ -10,8 +10,9 @@ import os
 import sys
 from typing import NamedTuple
 
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.scratch import provide_writable_directories
+from msrd_ros.core.compiled_cache import choose_compiled_cache
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.scratch import provide_writable_directories
 
 
 class Command(NamedTuple):
@@ -29,15 +30,13 @@ EXECUTABLES: dict[str, Command] = {
     "trainer": Command("msrd_ros.nodes.trainer", "learn rewards and policies from bags"),
     "executor": Command("msrd_ros.nodes.executor", "play a learned strategy on the simulator or the robot"),
     "evaluator": Command("msrd_ros.nodes.evaluator", "feed balls to the executor and report how it played"),
-    "reproduce": Command("msrd_ros.experiments.reproduce", "run the paper's studies again"),
+    "reproduce": Command("msrd_ros.studies.reproduce", "run the paper's studies again"),
 }
 """What `ros2 run msrd_ros <name>` finds: one file of this name under ``lib/msrd_ros`` each."""
 
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
-    "demo": Command(
-        "msrd_ros.experiments.demo", "the whole stack: teach, record, replay, train, play, report"
-    ),
+    "demo": Command("msrd_ros.demo.stages", "the whole stack: teach, record, replay, train, play, report"),
 }
 
 USER_ERROR = 2
@@ -66,6 +65,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"msrd_ros: error: unknown name {name!r}; use one of these\n{_list()}", file=sys.stderr)
         return USER_ERROR
     provide_writable_directories(os.environ)
+    choose_compiled_cache(os.environ)
     try:
         return _run(name, rest)
     except UserError as error:

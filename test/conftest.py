@@ -11,18 +11,21 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from domains import observer, reserved_domain
-from processes import CHECKOUT, PACKAGE, Installation, Launcher
 from rclpy.node import Node
-from stack import Stack
 
-from msrd_ros.facts.scratch import provide_writable_directories
+from builds import colcon
+from domains import observer, reserved_domain
+from msrd_ros.core.compiled_cache import choose_compiled_cache
+from msrd_ros.core.scratch import provide_writable_directories
+from processes import CHECKOUT, PACKAGE, Installation, Launcher
+from stack import Stack
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
 # Threads that share out tensors this small wait for each other: ten times slower where other work has a core.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 provide_writable_directories(os.environ)
+choose_compiled_cache(os.environ)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -124,11 +127,6 @@ def colcon_overlay(source: Path) -> Installation:
     return Installation(
         "colcon overlay", {key: variables[key] for key in ("AMENT_PREFIX_PATH", "PYTHONPATH", "PATH")}
     )
-
-
-def colcon(workspace: Path) -> list[str]:
-    """The colcon command of this environment, keeping its log in the workspace."""
-    return [sys.executable, "-m", "colcon", "--log-base", str(workspace / "log")]
 
 
 def _run(command: list[str], directory: Path) -> str:

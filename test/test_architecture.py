@@ -1,4 +1,4 @@
-"""Three floors: imports run downwards only, and each wing does without what is not its own.
+"""Rooms: imports run downwards only, and each room does without what is not its own.
 
 Every import counts, also those inside functions and under TYPE_CHECKING.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+
 from processes import CHECKOUT, PACKAGE
 
 ROOT = CHECKOUT / PACKAGE
@@ -42,22 +43,40 @@ BAGS = {"rosbags", "mcap", "mcap_ros2"}
 DRAWING = {"matplotlib"}
 
 
-class Floor(NamedTuple):
+class Room(NamedTuple):
     """What a part of the package may import: other parts of it, and none of some other packages."""
 
     below: set[str]
     forbidden: set[str]
 
 
-FLOORS = {
-    "facts": Floor(set(), ROS | BULLET | TORCH | BAGS | DRAWING),
-    "table_tennis": Floor({"facts"}, ROS | TORCH | BAGS | DRAWING),
-    "learning": Floor({"facts"}, ROS | BULLET | BAGS | DRAWING),
-    "bags": Floor({"facts"}, ROS | BULLET | TORCH | DRAWING),
-    "experiments": Floor({"facts", "table_tennis", "learning", "bags"}, set()),
-    "nodes": Floor({"facts", "table_tennis", "learning", "bags", "experiments"}, DRAWING),
+_GROUND = ROS | BULLET | TORCH | BAGS | DRAWING
+
+ROOMS = {
+    "core": Room(set(), _GROUND),
+    "robots": Room({"core"}, _GROUND),
+    "contract": Room({"core", "robots"}, _GROUND),
+    "bags": Room({"core", "robots", "contract"}, ROS | BULLET | TORCH | DRAWING),
+    "learning": Room({"core"}, ROS | BULLET | BAGS | DRAWING),
+    "table_tennis/ball": Room({"core", "robots", "contract"}, _GROUND),
+    "table_tennis/arm": Room({"core", "robots", "contract", "table_tennis/ball"}, _GROUND),
 }
-"""Both on the top floor: nodes are shells, also around recipes; experiments start nodes as processes only."""
+ROOMS["table_tennis/simulation"] = Room(
+    {*ROOMS["table_tennis/arm"].below, "table_tennis/arm"}, ROS | TORCH | BAGS | DRAWING
+)
+ROOMS["table_tennis/teachers"] = Room(
+    {*ROOMS["table_tennis/simulation"].below, "table_tennis/simulation"}, ROS | TORCH | BAGS | DRAWING
+)
+_TABLE = {*ROOMS["table_tennis/teachers"].below, "table_tennis/teachers"}
+ROOMS["table_tennis/strokes"] = Room({*_TABLE, "learning", "bags"}, ROS | DRAWING)
+_ALL_BELOW = {*ROOMS["table_tennis/strokes"].below, "table_tennis/strokes"}
+ROOMS["recordings"] = Room(_ALL_BELOW, ROS | DRAWING)
+ROOMS["reports"] = Room(_ALL_BELOW, ROS | BAGS)
+ROOMS["nodes"] = Room({*_ALL_BELOW, "recordings"}, DRAWING)
+ROOMS["stack"] = Room({*ROOMS["nodes"].below, "nodes"}, DRAWING)
+ROOMS["demo"] = Room({*_ALL_BELOW, "recordings", "reports", "stack"}, set())
+ROOMS["studies"] = Room({*_ALL_BELOW, "recordings", "reports", "stack"}, set())
+"""From the ground up. Imports run downwards only."""
 
 
 class Import(NamedTuple):
@@ -90,51 +109,62 @@ def _called(node: ast.Call) -> str:
     return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
 
 
-def violations(part: str, path: Path) -> list[str]:
-    """What a file of a part imports against the plan."""
-    floor = FLOORS[part]
+def room_of(module: str) -> str | None:
+    """The room of a module of the package, the innermost one that is listed."""
+    parts = module.split(".")[1:]
+    for length in (2, 1):
+        name = "/".join(parts[:length])
+        if name in ROOMS:
+            return name
+    return None
+
+
+def violations(name: str, path: Path) -> list[str]:
+    """What a file of a room imports against the plan."""
+    room = ROOMS[name]
     found = []
     for module, where in imports(path):
         top, _, rest = module.partition(".")
-        inner = rest.partition(".")[0]
-        if top in floor.forbidden:
-            found.append(f"{where}: {part} must do without {top}")
-        if top == PACKAGE and inner in FLOORS and inner != part and inner not in floor.below:
-            found.append(f"{where}: {part} must not know {inner}")
-        if top == PACKAGE and inner == "__main__":
-            found.append(f"{where}: {part} must not know the command line")
+        inner = room_of(module) if top == PACKAGE else None
+        if top in room.forbidden:
+            found.append(f"{where}: {name} must do without {top}")
+        if inner is not None and inner != name and inner not in room.below:
+            found.append(f"{where}: {name} must not know {inner}")
+        if rest.partition(".")[0] == "__main__" and top == PACKAGE:
+            found.append(f"{where}: {name} must not know the command line")
     return found
 
 
-def test_every_module_has_its_floor() -> None:
-    folders = {path.relative_to(ROOT).parts[0] for path in ROOT.rglob("*.py") if path.parent != ROOT}
-    assert folders == set(FLOORS)
-    assert {path.name for path in ROOT.glob("*.py")} == {"__init__.py", "__main__.py"}
+def test_every_module_has_its_room() -> None:
+    for path in ROOT.rglob("*.py"):
+        module = ".".join(path.relative_to(CHECKOUT).with_suffix("").parts)
+        assert path.name in ("__init__.py", "__main__.py") or room_of(module), f"{path} has no room"
 
 
-@pytest.mark.parametrize("part", FLOORS)
-def test_imports_run_downwards_only(part: str) -> None:
-    found = [line for path in sorted((ROOT / part).rglob("*.py")) for line in violations(part, path)]
+@pytest.mark.parametrize("name", ROOMS)
+def test_imports_run_downwards_only(name: str) -> None:
+    found = [line for path in sorted((ROOT / name).rglob("*.py")) for line in violations(name, path)]
     assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize(
-    ("part", "code", "blame"),
+    ("name", "code", "blame"),
     [
         ("learning", "def f():\n    import rclpy.node\n", "rclpy"),
-        ("learning", "from msrd_ros import table_tennis\n", "table_tennis"),
+        ("learning", "from msrd_ros.table_tennis import ball\n", "table_tennis"),
+        ("table_tennis/ball", "from msrd_ros.table_tennis.arm import driver\n", "table_tennis/arm"),
         ("bags", "from ..nodes import recorder\n", "nodes"),
-        ("facts", "import importlib\nimportlib.import_module('msrd_ros.bags.reader')\n", "bags"),
-        ("table_tennis", "if TYPE_CHECKING:\n    from torch import Tensor\n", "torch"),
-        ("experiments", "import msrd_ros.nodes.trainer\n", "nodes"),
+        ("core", "import importlib\nimportlib.import_module('msrd_ros.bags.reader')\n", "bags"),
+        ("table_tennis/teachers", "if TYPE_CHECKING:\n    from torch import Tensor\n", "torch"),
+        ("studies", "import msrd_ros.nodes.trainer\n", "nodes"),
         ("nodes", "from msrd_ros.__main__ import main\n", "command line"),
     ],
 )
 def test_a_wrong_import_is_seen(
-    part: str, code: str, blame: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, code: str, blame: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(f"{__name__}.CHECKOUT", tmp_path)
-    path = tmp_path / PACKAGE / part / "wrong.py"
+    path = tmp_path / PACKAGE / name / "wrong.py"
     path.parent.mkdir(parents=True)
     path.write_text(code, encoding="utf-8")
-    assert [line for line in violations(part, path) if blame in line]
+    assert [line for line in violations(name, path) if blame in line]

@@ -12,9 +12,9 @@ from typing import Any
 import yaml
 
 from msrd_ros.bags.schemas import describe_type
-from msrd_ros.bags.topics import BagMessage, BagTopic
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import BagMessage, BagTopic
+from msrd_ros.core.errors import UserError
 
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"

@@ -16,7 +16,8 @@ from rosbags.rosbag2 import Reader, ReaderError
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.metadata import REPAIR_COMMAND, BagInfo, read_info
 from msrd_ros.bags.schemas import deserialise
-from msrd_ros.bags.topics import (
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import (
     BALL_POSITION,
     CONTRACT,
     JOINT_STATES,
@@ -25,8 +26,7 @@ from msrd_ros.bags.topics import (
     BagMessage,
     find_topics,
 )
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.core.errors import UserError
 
 _BROKEN = (
     McapError,

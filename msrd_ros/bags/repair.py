@@ -16,9 +16,9 @@ import zstandard
 
 from msrd_ros.bags.metadata import METADATA_FILE, ROOT_KEY, split_name
 from msrd_ros.bags.schemas import is_known_type
-from msrd_ros.bags.topics import CONTRACT, BagMessage, BagTopic
 from msrd_ros.bags.writer import write_bag
-from msrd_ros.facts.errors import UserError
+from msrd_ros.contract.topics import CONTRACT, BagMessage, BagTopic
+from msrd_ros.core.errors import UserError
 
 _MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x03, 0x04, 0x05, 0x06

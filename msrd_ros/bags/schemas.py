@@ -8,7 +8,7 @@ from typing import Any
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 
 
 @cache

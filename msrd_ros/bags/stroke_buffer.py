@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from msrd_ros.bags.cdr import read_stamp_ns
 from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke, read_decision
-from msrd_ros.bags.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
+from msrd_ros.contract.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
 
 _QUIET_TICKS = 3
 _QUIET_TICKS_SIMULATED = 25

@@ -9,10 +9,18 @@ from typing import NamedTuple
 
 from msrd_ros.bags.cdr import read_frame_id, read_stamp_ns
 from msrd_ros.bags.schemas import deserialise
-from msrd_ros.bags.topics import BALL_POSITION, CONTRACT, FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
-from msrd_ros.facts.translation import RALLY_STATUS
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import (
+    BALL_POSITION,
+    CONTRACT,
+    FEED,
+    JOINT_STATES,
+    OUTCOME,
+    STRATEGY,
+    BagMessage,
+)
+from msrd_ros.contract.translation import RALLY_STATUS
+from msrd_ros.core.errors import UserError
 
 STATES = (JOINT_STATES, BALL_POSITION)
 """The topics of which every message counts."""

@@ -21,8 +21,8 @@ from msrd_ros.bags.metadata import (
     split_name,
 )
 from msrd_ros.bags.schemas import describe_type
-from msrd_ros.bags.topics import BagMessage, BagTopic
-from msrd_ros.facts.labels import StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import BagMessage, BagTopic
 
 _ASIDE = re.compile(r"\.writing-(?P<pid>\d+)-[0-9a-f]+")
 _SUMMARY = IndexType.CHUNK | IndexType.MESSAGE | IndexType.METADATA

@@ -6,8 +6,6 @@ A checkpoint is a policy file (see `policy`) with the trainer's own tensors besi
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
@@ -109,31 +108,6 @@ def load_checkpoint(path: Path, trainer: MSRD) -> None:
     except (KeyError, RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: damaged checkpoint ({reason}); start anew or use another") from None
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write aside, sync, rename: readers see the old file or the new one, never half of one.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise UserError(f"{path}: cannot write: {error.strerror}; choose a writable place") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(aside, 0o644)
-        os.replace(aside, path)
-    except OSError as error:
-        Path(aside).unlink(missing_ok=True)
-        raise UserError(f"{path}: cannot write: {error.strerror}; choose a writable place") from None
 
 
 def _detach_tensors(node: Any, tensors: dict[str, torch.Tensor]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.cloning import CloningConfig
 from msrd_ros.learning.discriminator import Penalty
 from msrd_ros.learning.networks import Features

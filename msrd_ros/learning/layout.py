@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 
 
 @dataclass(frozen=True)

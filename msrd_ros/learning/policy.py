@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
 
 FORMAT_VERSION = 1

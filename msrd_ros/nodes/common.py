@@ -26,8 +26,8 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.parameters import ParameterFacts
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import ParameterFacts
 
 Config = TypeVar("Config")
 

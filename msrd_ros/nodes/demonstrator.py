@@ -20,12 +20,11 @@ from std_srvs.srv import SetBool, Trigger
 from tqdm import tqdm
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
-from msrd_ros.facts.episode import CONTROL_PERIOD_S
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.outcome import Outcome
-from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.sawyer import SPEED_LIMIT_RAD_S
-from msrd_ros.facts.translation import NANOSECONDS, read_outcome
+from msrd_ros.contract.episode import CONTROL_PERIOD_S
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.contract.translation import NANOSECONDS, read_outcome
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import (
     COMMAND,
     EVENT,
@@ -43,11 +42,13 @@ from msrd_ros.nodes.messages import (
     strategy_message,
 )
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
-from msrd_ros.table_tennis.feeder import SPREADS, Feeder
-from msrd_ros.table_tennis.led_stroke import LedStroke
-from msrd_ros.table_tennis.stroke_player import Phase as PlayerPhase
-from msrd_ros.table_tennis.stroke_player import StrokePlayer
-from msrd_ros.table_tennis.study_design import (
+from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
+from msrd_ros.table_tennis.strokes.player import Phase as PlayerPhase
+from msrd_ros.table_tennis.strokes.player import StrokePlayer
+from msrd_ros.table_tennis.teachers.guided_stroke import LedStroke
+from msrd_ros.table_tennis.teachers.population import Teacher, compile_ahead
+from msrd_ros.table_tennis.teachers.study_design import (
     StudyConfig,
     StudySession,
     Trial,
@@ -55,7 +56,6 @@ from msrd_ros.table_tennis.study_design import (
     judge_stroke,
     subject_name,
 )
-from msrd_ros.table_tennis.teachers import Teacher, compile_ahead
 
 
 @dataclass(frozen=True)

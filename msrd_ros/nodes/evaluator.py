@@ -14,12 +14,11 @@ from std_msgs.msg import Header
 from tqdm import tqdm
 from trajectory_msgs.msg import JointTrajectory
 
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
-from msrd_ros.facts.outcome import Outcome
-from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.translation import read_outcome
-from msrd_ros.learning.stroke_policies import StrokePolicies
+from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.contract.translation import read_outcome
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import (
     COMMAND,
     EVENT,
@@ -31,8 +30,9 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
-from msrd_ros.table_tennis.feeder import EVALUATION_STREAM, SPREADS, Feeder
-from msrd_ros.table_tennis.rates import LabelRates, format_table
+from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
+from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strokes.rates import LabelRates, format_table
 
 
 @dataclass(frozen=True)

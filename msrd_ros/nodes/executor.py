@@ -14,20 +14,20 @@ from std_msgs.msg import Header, UInt8MultiArray
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from msrd_ros.facts.episode import CONTROL_PERIOD_S
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
-from msrd_ros.facts.motion_limits import JointReference
-from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.sawyer import HOME_POSTURE_RAD, JOINT_COUNT, JOINT_NAMES
-from msrd_ros.facts.translation import NANOSECONDS
-from msrd_ros.learning.stroke_policies import StrokeDraws, StrokePolicies
+from msrd_ros.contract.episode import CONTROL_PERIOD_S
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.translation import NANOSECONDS
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
-from msrd_ros.table_tennis.ball_filter import BallFilter
-from msrd_ros.table_tennis.stroke_player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
-from msrd_ros.table_tennis.way import find_way
+from msrd_ros.robots.limits import JointReference
+from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, JOINT_COUNT, JOINT_NAMES
+from msrd_ros.table_tennis.arm.via_point_path import find_way
+from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
+from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
+from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
 
 START_UP_S = 3.0
 """How long a starting executor looks for another one that is already there."""

@@ -12,9 +12,9 @@ from rclpy.node import Node
 from msrd_ros.nodes.common import LATCHED, STATE
 from msrd_ros.nodes.messages import WORLD
 from msrd_ros.nodes.scene_markers import transform_stamped
-from msrd_ros.table_tennis.kinematics import link_frames, rotation_from_roll_pitch_yaw
-from msrd_ros.table_tennis.rotations import quaternion_from_rotation
-from msrd_ros.table_tennis.urdf import FIXED_JOINTS, JointOrigin
+from msrd_ros.robots.kinematics import link_frames, rotation_from_roll_pitch_yaw
+from msrd_ros.robots.rotations import quaternion_from_rotation
+from msrd_ros.robots.urdf import FIXED_JOINTS, JointOrigin
 
 try:
     # Part of every ROS installation, but of no wheel: without it there is no RViz to look at TF either.

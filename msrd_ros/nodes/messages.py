@@ -18,15 +18,15 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
-from msrd_ros.facts.motion_limits import JointReference
-from msrd_ros.facts.outcome import Outcome
-from msrd_ros.facts.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
-from msrd_ros.facts.translation import NANOSECONDS, RALLY_STATUS
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.contract.translation import NANOSECONDS, RALLY_STATUS
+from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import status
-from msrd_ros.table_tennis.feeder import Feed
-from msrd_ros.table_tennis.teaching import HandGesture
+from msrd_ros.robots.limits import JointReference
+from msrd_ros.robots.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.table_tennis.ball.feeder import Feed
+from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
 
 WORLD = "world"
 PADDLE = "paddle"

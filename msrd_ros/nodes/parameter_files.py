@@ -13,8 +13,8 @@ import sys
 import textwrap
 from typing import Any
 
-from msrd_ros.facts.parameters import ParameterFacts
-from msrd_ros.facts.resources import share_directory
+from msrd_ros.core.parameters import ParameterFacts
+from msrd_ros.core.resources import share_directory
 
 NODES = ("simulator", "demonstrator", "recorder", "player", "trainer", "executor", "evaluator")
 WIDTH = 96

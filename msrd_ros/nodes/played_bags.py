@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from msrd_ros.bags.episodes import assemble_stroke
-from msrd_ros.bags.inspection import InspectionLimits, inspect
 from msrd_ros.bags.stroke_buffer import StrokeBuffer
 from msrd_ros.bags.strokes import Arrival, CutSettings
-from msrd_ros.facts.episode import Episode
-from msrd_ros.facts.errors import UserError
+from msrd_ros.contract.episode import Episode
+from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import steady_timer
 from msrd_ros.nodes.recorder_inputs import RecorderInputs
+from msrd_ros.recordings.episodes import assemble_stroke
+from msrd_ros.recordings.inspection import InspectionLimits, inspect
 
 SETTLE_PERIOD_S = 0.02
 ADAPT_PERIOD_S = 0.2

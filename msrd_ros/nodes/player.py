@@ -17,10 +17,10 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
-from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.metadata import BagInfo
 from msrd_ros.bags.reader import Bag
-from msrd_ros.bags.topics import (
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import (
     BALL_POSITION,
     CONTRACT,
     JOINT_STATES,
@@ -29,13 +29,13 @@ from msrd_ros.bags.topics import (
     BagMessage,
     parse_topic_names,
 )
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
-from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.resources import shipped_bags
-from msrd_ros.facts.translation import ns_to_stamp
+from msrd_ros.contract.translation import ns_to_stamp
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
+from msrd_ros.core.resources import shipped_bags
 from msrd_ros.nodes.common import COMMAND, Finished, StackNode, run, steady_timer
 from msrd_ros.nodes.recorder_inputs import LATCHED, MOST_LATCHED, STREAMED, import_message_type
+from msrd_ros.recordings.library import BagLibrary
 
 TICK_S = 0.001
 BURST = 50

@@ -13,17 +13,17 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import Trigger
 
 from msrd_ros import __version__
-from msrd_ros.bags.inspection import InspectionLimits, Refusal, Verdict
-from msrd_ros.bags.keeper import KeptStroke, StrokeKeeper
 from msrd_ros.bags.metadata import check_subject
 from msrd_ros.bags.stroke_buffer import StrokeBuffer
 from msrd_ros.bags.strokes import Arrival, CutSettings, Stroke
-from msrd_ros.bags.topics import OUTCOME, STRATEGY
 from msrd_ros.bags.writer import remove_leftovers, set_aside
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.parameters import parameter
+from msrd_ros.contract.topics import OUTCOME, STRATEGY
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import EVENT, StackNode, run, status, steady_timer
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
+from msrd_ros.recordings.acceptance import KeptStroke, StrokeKeeper
+from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict
 
 ADAPT_PERIOD_S = 0.25
 LONELY_S = 5.0

@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from msrd_ros.bags.schemas import describe_type
 from msrd_ros.bags.strokes import STATES, Arrival
-from msrd_ros.bags.topics import (
+from msrd_ros.contract.topics import (
     BALL_POSITION,
     CONTRACT,
     FEED,
@@ -23,7 +23,7 @@ from msrd_ros.bags.topics import (
     TF_STATIC,
     BagTopic,
 )
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
 
 STREAMED = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)

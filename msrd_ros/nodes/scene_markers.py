@@ -12,7 +12,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msrd_ros.nodes.messages import WORLD, transform
-from msrd_ros.table_tennis.scene import Scene
+from msrd_ros.table_tennis.ball.scene import Scene
 
 TABLE_BLUE = ColorRGBA(r=0.05, g=0.22, b=0.45, a=1.0)
 NET_WHITE = ColorRGBA(r=0.9, g=0.9, b=0.9, a=0.6)

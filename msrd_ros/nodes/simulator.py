@@ -19,11 +19,10 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import Side, StrategyLabel
-from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.sawyer import JOINT_NAMES
-from msrd_ros.facts.translation import NANOSECONDS, stamp_to_ns
+from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.translation import NANOSECONDS, stamp_to_ns
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, StackNode, run, steady_timer
 from msrd_ros.nodes.frames import FramePublisher
 from msrd_ros.nodes.messages import (
@@ -35,12 +34,13 @@ from msrd_ros.nodes.messages import (
     outcome_to_message,
 )
 from msrd_ros.nodes.scene_markers import scene_markers
-from msrd_ros.table_tennis.bullet_arm import ArmConfig
-from msrd_ros.table_tennis.camera import CameraConfig
-from msrd_ros.table_tennis.feeder import SPREADS, Feed, Feeder
-from msrd_ros.table_tennis.rally import RallyConfig
-from msrd_ros.table_tennis.urdf import sawyer_urdf
-from msrd_ros.table_tennis.world import Tick, World, WorldConfig, compile_ahead
+from msrd_ros.robots.sawyer import JOINT_NAMES
+from msrd_ros.robots.urdf import sawyer_urdf
+from msrd_ros.table_tennis.ball.camera import CameraConfig
+from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
+from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
+from msrd_ros.table_tennis.simulation.rally import RallyConfig
+from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig, compile_ahead
 
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25

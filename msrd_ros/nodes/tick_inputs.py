@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.translation import JointStateTranslator, read_ball_position, stamp_to_ns
+from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
+from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import STATE
 
 

@@ -13,12 +13,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, UInt8MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from msrd_ros.experiments.stroke_rollouts import PolicySource, StrokeBatch
-from msrd_ros.facts.episode import Episode
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import StrategyLabel
-from msrd_ros.facts.outcome import Outcome
-from msrd_ros.facts.translation import EpisodeAssembler, read_outcome, stamp_to_ns
+from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.contract.translation import EpisodeAssembler, read_outcome, stamp_to_ns
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
@@ -27,6 +26,7 @@ from msrd_ros.nodes.messages import (
     feed_to_message,
     strategy_message,
 )
+from msrd_ros.table_tennis.strokes.rollouts import PolicySource, StrokeBatch
 
 
 class TopicCollector:

@@ -14,11 +14,25 @@ from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
-from msrd_ros.bags.episodes import read_episodes
-from msrd_ros.bags.library import BagLibrary
 from msrd_ros.bags.reader import Bag
-from msrd_ros.experiments.stroke_rollouts import BulletCollector, BulletPlayers
-from msrd_ros.experiments.stroke_training import (
+from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
+from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.parameters import parameter
+from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.rollouts import Collector
+from msrd_ros.nodes.common import EVENT, LATCHED, Finished, StackNode, run, status, steady_timer
+from msrd_ros.nodes.messages import bytes_to_message
+from msrd_ros.nodes.played_bags import PlayedBags
+from msrd_ros.nodes.topic_rollouts import TopicCollector
+from msrd_ros.recordings.episodes import read_episodes
+from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.table_tennis.ball.feeder import SPREADS
+from msrd_ros.table_tennis.simulation.world import WorldConfig
+from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
+from msrd_ros.table_tennis.strokes.run import RunConfig, TrainingRun
+from msrd_ros.table_tennis.strokes.training import (
     METHODS,
     OWNERS,
     POLICIES_FILE,
@@ -26,20 +40,6 @@ from msrd_ros.experiments.stroke_training import (
     StrokeTrainingConfig,
     mean_landing_points,
 )
-from msrd_ros.experiments.training_run import RunConfig, TrainingRun
-from msrd_ros.facts.episode import CONTROL_PERIOD_S, Episode
-from msrd_ros.facts.errors import UserError
-from msrd_ros.facts.labels import ALL_LABELS, StrategyLabel
-from msrd_ros.facts.parameters import parameter
-from msrd_ros.facts.resources import shipped_bags
-from msrd_ros.learning.rollouts import Collector
-from msrd_ros.learning.stroke_policies import StrokePolicies
-from msrd_ros.nodes.common import EVENT, LATCHED, Finished, StackNode, run, status, steady_timer
-from msrd_ros.nodes.messages import bytes_to_message
-from msrd_ros.nodes.played_bags import PlayedBags
-from msrd_ros.nodes.topic_rollouts import TopicCollector
-from msrd_ros.table_tennis.feeder import SPREADS
-from msrd_ros.table_tennis.world import WorldConfig
 
 
 @dataclass(frozen=True)

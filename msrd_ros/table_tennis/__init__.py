@@ -1,1 +1,1 @@
-"""Table tennis: robot, ball, referee, simulators and teachers. Knows nothing of ROS or learning."""
+"""Table tennis: ball, arm at the table, simulation, teachers, strokes. Knows nothing of ROS."""

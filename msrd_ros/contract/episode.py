@@ -1,0 +1,99 @@
+"""One stroke as arrays: what learning sees of a demonstration or of a rollout."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.robots.sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
+
+CONTROL_PERIOD_S = 0.02
+"""Period of the policies' control loop."""
+
+HORIZON = 95
+"""Steps of an episode: 1.9 s from the launch, long enough to see where the returned ball lands."""
+
+FIRST_ACTING_STEP = 1
+"""The ball's velocity is known from its second sample on, so the first step holds still."""
+
+ACTING_STEPS = 62
+"""Steps in which the policy acts; afterwards the arm comes to rest while the ball flies on."""
+
+OBSERVATION_NAMES: tuple[str, ...] = (
+    *JOINT_NAMES,
+    "ball_x_m",
+    "ball_y_m",
+    "ball_z_m",
+    "ball_velocity_x_m_s",
+    "ball_velocity_y_m_s",
+    "ball_velocity_z_m_s",
+)
+"""What a policy sees. Joint rates are left out on purpose: a cloned policy would copy its own motion."""
+
+ACTION_NAMES: tuple[str, ...] = tuple(f"{name}_speed_fraction" for name in JOINT_NAMES)
+"""What a policy says: each joint's velocity as a fraction of its speed limit."""
+
+BALL_INPUTS: tuple[int, ...] = tuple(range(7, 13))
+"""Columns of the observation that tell of the ball: all that the task reward sees."""
+
+
+def observe(
+    joint_position: NDArray[np.float64],
+    ball_position: NDArray[np.float64],
+    ball_velocity: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Put an observation together: (..., 7), (..., 3) and (..., 3) to (..., 13), in SI units."""
+    return np.concatenate([joint_position, ball_position, ball_velocity], axis=-1)
+
+
+def action_to_velocity(action: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joint velocity in rad/s that an action (..., 7) asks for; beyond [-1, 1] it is clipped."""
+    return np.clip(action, -1.0, 1.0) * SPEED_LIMIT_RAD_S
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One stroke, sampled at the control rate from the launch of the ball.
+
+    Attributes
+    ----------
+    label
+        The strategy that was shown or played.
+    joint_position, joint_velocity
+        Shape (T + 1, 7), rad and rad/s, as measured.
+    ball_position, ball_velocity
+        Shape (T + 1, 3), m and m/s, as a camera sees them.
+    subject
+        Who showed it; empty for the robot itself.
+    source
+        Where it comes from (a bag's path, a topic), for error messages.
+    outcome
+        What became of the ball, if a referee said so; for reports, never an input to learning.
+    """
+
+    label: StrategyLabel
+    joint_position: NDArray[np.float64]
+    joint_velocity: NDArray[np.float64]
+    ball_position: NDArray[np.float64]
+    ball_velocity: NDArray[np.float64]
+    subject: str = ""
+    source: str = ""
+    outcome: Outcome | None = None
+
+    @property
+    def observations(self) -> NDArray[np.float64]:
+        """Observations, shape (T + 1, 13), in the order of `OBSERVATION_NAMES`."""
+        return observe(self.joint_position, self.ball_position, self.ball_velocity)
+
+    @property
+    def actions(self) -> NDArray[np.float64]:
+        """Actions that lead from each state to the next, shape (T, 7).
+
+        A command asks for the velocity at the end of its period, so the action of step t is the
+        velocity measured at t + 1 as a fraction of the speed limit.
+        """
+        return np.clip(self.joint_velocity[1:] / SPEED_LIMIT_RAD_S, -1.0, 1.0)

@@ -1,1 +1,0 @@
-"""Experiments: the recipe of each study, and the reports they write."""

@@ -1,1 +1,0 @@
-"""Ground floor: plain facts that every wing shares. Imports nothing of the package above it."""

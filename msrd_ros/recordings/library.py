@@ -1,0 +1,117 @@
+"""A folder of bags: what is there, what is refused, and which of it is wanted."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from msrd_ros.bags.metadata import METADATA_FILE, BagInfo, read_info
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.core.errors import UserError
+
+_STORAGE_SUFFIXES = (".mcap", ".db3")
+
+
+@dataclass(frozen=True)
+class BagLibrary:
+    """The bags below one or several folders, by their metadata alone.
+
+    Attributes
+    ----------
+    bags
+        Sound bags, in the order of their paths.
+    refused
+        One line for every bag that is not: it names the bag and says what to do.
+    """
+
+    bags: tuple[BagInfo, ...]
+    refused: tuple[str, ...] = ()
+
+    @classmethod
+    def scan(cls, *roots: Path | str, strict: bool = False) -> BagLibrary:
+        """Find the bags of folders; a folder may itself be a bag.
+
+        Parameters
+        ----------
+        roots
+            Where to look; hidden directories are passed over.
+        strict
+            Refuse a folder with one broken bag, instead of listing it in `refused`.
+
+        Raises
+        ------
+        UserError
+            If a folder does not exist or holds no bag at all; with `strict`, if any bag is broken.
+        """
+        bags: list[BagInfo] = []
+        refused: list[str] = []
+        for root in map(Path, roots):
+            if not root.is_dir():
+                state = "is a file" if root.exists() else "does not exist"
+                raise UserError(f"folder {root}: {state}; give a folder of bags or a bag's directory")
+            before = len(bags) + len(refused)
+            for path in _find(root):
+                try:
+                    bags.append(read_info(path))
+                except UserError as error:
+                    if strict:
+                        raise
+                    refused.append(str(error))
+            if len(bags) + len(refused) == before:
+                raise UserError(
+                    f"folder {root}: holds no bags; record some with the recorder, or give another folder"
+                )
+        return cls(tuple(bags), tuple(refused))
+
+    def select(
+        self,
+        labels: Collection[StrategyLabel] = (),
+        subjects: Collection[str] = (),
+        kept_only: bool = True,
+    ) -> tuple[BagInfo, ...]:
+        """The bags of some labels and subjects; of all where none are given.
+
+        Parameters
+        ----------
+        labels
+            Bags that do not state their label (foreign ones) are only in when this is empty.
+        subjects
+            Names of subjects.
+        kept_only
+            Leave out strokes that the recorder had refused and kept all the same.
+
+        Raises
+        ------
+        UserError
+            If nothing is left; says what there is.
+        """
+        chosen = tuple(
+            bag
+            for bag in self.bags
+            if (not labels or bag.label in labels)
+            and (not subjects or bag.subject in subjects)
+            and (bag.kept or not kept_only)
+        )
+        if not chosen:
+            raise UserError(f"no bag fits the selection; {self._contents()}")
+        return chosen
+
+    def _contents(self) -> str:
+        labels = sorted({str(bag.label) for bag in self.bags if bag.label})
+        subjects = sorted({bag.subject for bag in self.bags if bag.subject})
+        refused = f", and {len(self.refused)} that cannot be read: {self.refused[0]}" if self.refused else ""
+        return (
+            f"there are {len(self.bags)} bags with labels {', '.join(labels) or 'none'} "
+            f"and subjects {', '.join(subjects) or 'none'}{refused}"
+        )
+
+
+def _find(root: Path) -> Iterator[Path]:
+    """Directories that are bags, or what is left of one."""
+    for folder, subfolders, files in os.walk(root, followlinks=True):
+        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+        if METADATA_FILE in files or any(name.endswith(_STORAGE_SUFFIXES) for name in files):
+            subfolders.clear()
+            yield Path(folder)

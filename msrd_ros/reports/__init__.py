@@ -1,0 +1,1 @@
+"""The HTML page that everything writes, and its figures."""

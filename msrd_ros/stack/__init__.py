@@ -1,0 +1,1 @@
+"""Starting and watching nodes as processes of their own."""

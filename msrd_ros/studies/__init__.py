@@ -1,0 +1,1 @@
+"""The paper's studies: their recipes, methods beside each other, and reports."""

@@ -1,0 +1,164 @@
+"""``reproduce``: run the paper's studies again, from nothing to figures and tables.
+
+``python -m msrd_ros reproduce inverted_pendulum [--seeds N] [--quick] [--out DIR]``, ``reproduce all``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from msrd_ros.core.errors import UserError
+
+Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
+"""A study's numbers, and what writes its report from them."""
+
+STUDIES = ("inverted_pendulum", "hopper", "table_tennis")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; 0 if every study finished, 2 for an error of the user's."""
+    # Whoever is told to end lets the runs that are under way finish and be kept, as after Ctrl-C.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        return run(sys.argv[1:] if argv is None else argv)
+    except UserError as error:
+        print(f"reproduce: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("reproduce: interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def run(argv: list[str]) -> int:
+    """`main`, with errors raised."""
+    options = _parse(argv)
+    names = STUDIES if options.study == "all" else (options.study,)
+    for name in names:
+        if name not in STUDIES:
+            raise UserError(f"unknown study {name!r}; use one of {', '.join((*STUDIES, 'all'))}")
+    for name in names:
+        folder = Path(options.out or "out")
+        if len(names) > 1 or options.out is None:
+            folder /= name
+        _check_writable(folder)
+        _reproduce(name, folder, options.seeds, options.quick)
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as all of the package does."""
+
+    def error(self, message: str) -> None:  # type: ignore[override]
+        raise UserError(f"{message}; see `reproduce --help`")
+
+
+def _parse(argv: list[str]) -> argparse.Namespace:
+    parser = _Parser(prog="reproduce", description="Run the paper's studies again.")
+    parser.add_argument("study", help=f"one of {', '.join((*STUDIES, 'all'))}")
+    parser.add_argument(
+        "--seeds", type=int, default=None, help="repetitions of the main table; default: the study's"
+    )
+    parser.add_argument("--quick", action="store_true", help="a small version, in about a minute")
+    parser.add_argument(
+        "--out",
+        default=None,
+        help="where report.html and metrics.json go; default: out/ and the study's name",
+    )
+    options = parser.parse_args(argv)
+    if options.seeds is not None and not 1 <= options.seeds <= 100:
+        raise UserError(f"--seeds {options.seeds}: give a number from 1 to 100")
+    return options
+
+
+def _check_writable(folder: Path) -> None:
+    """Find out before the hours of computing, not after."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".writable"
+        probe.write_text("")
+        probe.unlink()
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot write there ({error.strerror}); choose another") from None
+
+
+def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool) -> None:
+    """One study; imports what it needs only now, so that a missing extra is a clear error."""
+    try:
+        import torch
+
+        study = {
+            "inverted_pendulum": _inverted_pendulum,
+            "hopper": _hopper,
+            "table_tennis": _table_tennis,
+        }[name]
+        torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
+        started = time.monotonic()
+        metrics, write_report = study(folder, seeds, quick)
+    except ModuleNotFoundError as error:
+        missing = f"{name} needs {error.name}, which is not installed"
+        raise UserError(f"{missing}; install it with `pip install 'msrd_ros[studies]'`") from None
+    from msrd_ros.core.files import write_text
+
+    metrics["total_seconds"] = time.monotonic() - started
+    report = write_report(metrics)
+    write_text(folder / "metrics.json", json.dumps(metrics, indent=1) + "\n")
+    print(f"\n{report}\n{folder / 'metrics.json'}")
+
+
+def _inverted_pendulum(folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.studies.inverted_pendulum.report import write_report
+    from msrd_ros.studies.inverted_pendulum.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    metrics = run_study(plan, folder / "runs", _ticker())
+    return metrics, lambda found: write_report(found, plan, folder)
+
+
+def _hopper(folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.studies.hopper.report import write_report
+    from msrd_ros.studies.hopper.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    metrics = run_study(plan, folder / "runs", _ticker())
+    return metrics, lambda found: write_report(found, plan, folder)
+
+
+def _table_tennis(folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.studies.table_tennis.report import write_report
+    from msrd_ros.studies.table_tennis.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    return run_study(plan, folder, _ticker()), lambda found: write_report(found, folder)
+
+
+def _ticker() -> Callable[[str], None]:
+    """One line that is overwritten on a terminal, and one line a step elsewhere."""
+    started = time.monotonic()
+    on_terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+
+    def tick(text: str) -> None:
+        line = f"[{time.monotonic() - started:6.0f} s] {text}"
+        print(f"\r{line:<100}"[:101], end="", flush=True) if on_terminal else print(line, flush=True)
+
+    return tick
+
+
+if __name__ == "__main__":
+    sys.exit(main())

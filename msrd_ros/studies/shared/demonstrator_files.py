@@ -1,0 +1,44 @@
+"""Demonstrators as data files: safetensors with the recipe and the report in the header."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypeVar
+
+from safetensors import SafetensorError
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+from torch import Tensor
+
+from msrd_ros.core.errors import UserError
+from msrd_ros.core.files import write_atomically
+
+T = TypeVar("T")
+
+
+def write_demonstrators(path: Path, recipe: Any, report: dict[str, Any], tensors: dict[str, Tensor]) -> None:
+    """Write tensors with a recipe (a dataclass) and a report (data for JSON)."""
+    header = {"recipe": asdict(recipe), "report": report}
+    write_atomically(path, save_tensors(tensors, metadata={"msrd_ros": json.dumps(header)}))
+
+
+def read_demonstrators(
+    path: Path, make: Callable[[dict[str, Any], dict[str, Any], dict[str, Tensor]], T]
+) -> T:
+    """What `make` makes of recipe, report and tensors of a file of `write_demonstrators`.
+
+    Raises
+    ------
+    UserError
+        If the file is missing or damaged.
+    """
+    try:
+        data = path.read_bytes()
+        length = int.from_bytes(data[:8], "little")
+        header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["msrd_ros"])
+        return make(header["recipe"], header["report"], load_tensors(data))
+    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
+        raise UserError(f"{path}: no readable demonstrators ({error}); reinstall the package") from None

@@ -1,0 +1,203 @@
+"""Training runs of a study, each kept as a file and not run again: an interrupted study resumes.
+
+Seeds are kept apart: training, demonstrations and test trajectories of repetition k are drawn from seeds
+11000 + k, 12000 + k and 13000 + k (run m of an average trains on 11000 + k + 100 m). Everything tuned was
+tuned on seeds from 9000 to 9999; those that earlier recipes were judged on, 1000 to 3999, are not used again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from msrd_ros.core.files import write_atomically
+from msrd_ros.learning.trajectories import Demonstrations
+from msrd_ros.studies.shared.cache_keys import digest, kept
+from msrd_ros.studies.shared.estimates import Estimate
+from msrd_ros.studies.shared.evaluation import TestSet, evaluate, make_test_set, task_correlation
+from msrd_ros.studies.shared.methods import Budget, Method, configure, restore, train
+from msrd_ros.studies.shared.statistics import summarise
+from msrd_ros.studies.shared.task import Demonstrators, VirtualTask
+
+T = TypeVar("T")
+
+TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 11_000, 12_000, 13_000
+
+
+def silent(line: str) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs of any method and repetition on one task and one set of demonstrators.
+
+    Attributes
+    ----------
+    task, demonstrators
+        What is studied.
+    name
+        Of the demonstrators, at the head of file names.
+    budget
+        What each method may use.
+    demonstrations
+        Trajectories of each strategy.
+    test_repeats, test_clean
+        Test trajectories per strategy and noise level, and without noise.
+    folder
+        Where the files are.
+    progress
+        Told what is going on.
+    workers
+        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
+    """
+
+    task: VirtualTask
+    demonstrators: Demonstrators
+    name: str
+    budget: Budget
+    demonstrations: int
+    test_repeats: int
+    test_clean: int
+    folder: Path
+    progress: Callable[[str], None] = silent
+    workers: int = 0
+
+    def prepare(self, methods: Iterable[Method], repetitions: int) -> None:
+        """Train what `estimate` will be asked for, several runs side by side."""
+        wanted = [(method, repetition) for repetition in range(repetitions) for method in methods]
+        missing = [job for job in wanted if not self.path(*job).exists()]
+        if self.workers < 2 or len(missing) < 2:
+            return
+        alone = replace(self, progress=silent)
+        with ProcessPoolExecutor(
+            self.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
+        ) as pool:
+            try:
+                jobs = {pool.submit(alone.train, *job): job for job in missing}
+                for count, done in enumerate(as_completed(jobs), 1):
+                    done.result()
+                    method, repetition = jobs[done]
+                    which = f"{method.value}, seed {repetition}"
+                    self.progress(f"{self.name}: {count} of {len(missing)} runs done, {which}")
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+    def estimate(self, method: Method, repetition: int) -> Estimate:
+        """Train `method`, or take the run that is already there."""
+        path = self.path(method, repetition)
+        if not path.exists():
+            self.train(method, repetition)
+        data = self.demonstrate(repetition)
+        return restore(self.task, load_tensors(path.read_bytes()), method, data, self.budget)
+
+    def train(self, method: Method, repetition: int) -> None:
+        """Train `method` and keep the outcome as a file."""
+        self.progress(f"{self.name}: {method.value}, seed {repetition}")
+        data, seed, truth = self.demonstrate(repetition), TRAINING_SEED + repetition, self.demonstrators.truth
+        estimate = train(self.task, method, data, self.budget, seed, self.progress, truth)
+        write_atomically(self.path(method, repetition), save_tensors(estimate.tensors()))
+
+    def demonstrate(self, repetition: int) -> Demonstrations:
+        """The demonstrations of a repetition, the same for every method."""
+        return self.demonstrators.demonstrate(self.demonstrations, DEMONSTRATION_SEED + repetition)
+
+    def test_set(self, repetition: int) -> TestSet:
+        """The test trajectories of a repetition."""
+        seed = TEST_SEED + repetition
+        return make_test_set(self.task, self.demonstrators, seed, self.test_repeats, self.test_clean)
+
+    @property
+    def demonstrators_report(self) -> dict[str, Any]:
+        """What the demonstrators are, and the recipe that made them."""
+        return self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)}
+
+    def compare(self, methods: Iterable[Method], repetitions: int) -> dict[str, Any]:
+        """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
+        methods = tuple(methods)
+        self.prepare(methods, repetitions)
+        scores: dict[str, dict[str, list[Any]]] = {}
+        for repetition in range(repetitions):
+            append_marks(scores, self.marks(methods, repetition, self.test_set, _judge))
+        return {
+            "seeds": list(range(repetitions)),
+            "demonstrators": self.demonstrators_report,
+            "methods": scores,
+            "tests": summarise(scores),
+        }
+
+    def marks(
+        self,
+        methods: Iterable[Method],
+        repetition: int,
+        make_test: Callable[[int], T],
+        judge: Callable[[Estimate, T], dict[str, Any]],
+        *conditions: Any,
+    ) -> dict[Method, dict[str, Any]]:
+        """Marks of `methods` on one repetition, by name; those given once are kept as files.
+
+        Parameters
+        ----------
+        make_test
+            Gives the repetition's test set; called if marks are missing.
+        judge
+            Gives an estimate its marks (data for JSON).
+        conditions
+            Whatever the marks depend on beside the run and this object's test set (data for JSON).
+        """
+        test = cache(partial(make_test, repetition))
+
+        def mark(method: Method) -> dict[str, Any]:
+            return judge(self.estimate(method, repetition), test())
+
+        found = {}
+        for method in methods:
+            run = self.path(method, repetition)
+            key = digest(run.name, self.test_repeats, self.test_clean, *conditions)
+            file = run.with_name(f"{self.name}-{method.value}-{repetition}-{key}.json")
+            found[method] = kept(file, partial(mark, method))
+        return found
+
+    def path(self, method: Method, repetition: int) -> Path:
+        """File of a run; another one as soon as anything about the run has changed."""
+        recipe = asdict(self.demonstrators.recipe)
+        key = digest(self.name, self.settings(method), recipe, self.demonstrations, repetition)
+        return self.folder / f"{self.name}-{method.value}-{repetition}-{key}.safetensors"
+
+    def settings(self, method: Method) -> Any:
+        """Everything that a method's run depends on, as data for JSON."""
+        if method in (Method.CLASSIFIER, Method.ORACLE, Method.TAUGHT):
+            return [method.value, self.budget.classifier_steps]
+        return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
+
+
+def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[Method, Mapping[str, Any]]) -> None:
+    """Add one repetition's marks to the lists by method and name."""
+    for method, result in marks.items():
+        row = scores.setdefault(method.value, {})
+        for name, value in result.items():
+            row.setdefault(name, []).append(value)
+
+
+def _judge(estimate: Estimate, test: TestSet) -> dict[str, Any]:
+    return {
+        **asdict(evaluate(estimate, test)),
+        "task_r_members": [
+            None if member.task is None else task_correlation(member.task, test)
+            for member in estimate.members
+        ],
+        "seconds": estimate.seconds,
+        "env_steps": estimate.environment_steps,
+        "fallen_share": float(test.fallen.mean()),
+        "truth_diagonal": test.truth_diagonal,
+    }

@@ -1,0 +1,242 @@
+"""Balls that judge a method: drawn from streams that no training touches, and played in Bullet."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.episode import FIRST_ACTING_STEP, Episode
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.robots.sawyer import JOINT_COUNT
+from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, Feed, Feeder, FeedSpread
+from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
+from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
+from msrd_ros.table_tennis.strokes.player import PolicyFunction
+from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
+from msrd_ros.table_tennis.strokes.rollouts import camera_sight, play_in_world
+
+REPLAY_GAIN = 6.0
+"""Speed fraction per radian with which a replayed motion is followed: what corrective cloning uses, too."""
+
+
+class Repertoire(Protocol):
+    """What can be played: a stroke of a strategy, and the posture in which it begins."""
+
+    def begin(
+        self, label: StrategyLabel, rng: np.random.Generator
+    ) -> tuple[PolicyFunction, NDArray[np.float64]]:
+        """One stroke: from observation (13,) to action (7,); and where the joints wait, (7,) in rad."""
+        ...
+
+
+@dataclass(frozen=True)
+class LearnedStrokes:
+    """The mean actions of learned policies."""
+
+    policies: StrokePolicies
+
+    def begin(
+        self, label: StrategyLabel, rng: np.random.Generator
+    ) -> tuple[PolicyFunction, NDArray[np.float64]]:
+        """See `Repertoire`; draws nothing."""
+        unused = StrokeDraws(np.zeros(JOINT_COUNT), np.zeros((0, JOINT_COUNT)))
+        return self.policies.play(label, unused), self.policies.require(label).ready_pose
+
+
+@dataclass(frozen=True)
+class ReplayedMotions:
+    """The joint motion of a random demonstration each time, whatever the ball does.
+
+    Attributes
+    ----------
+    episodes
+        Demonstrations by strategy.
+    """
+
+    episodes: Mapping[StrategyLabel, Sequence[Episode]]
+
+    def begin(
+        self, label: StrategyLabel, rng: np.random.Generator
+    ) -> tuple[PolicyFunction, NDArray[np.float64]]:
+        """See `Repertoire`; draws a demonstration. Joints are followed, the ball is not looked at."""
+        choice = self.episodes[label]
+        episode = choice[int(rng.integers(len(choice)))]
+        steps = iter(range(FIRST_ACTING_STEP, len(episode.actions)))
+
+        def follow(observation: NDArray[np.float64]) -> NDArray[np.float64]:
+            step = next(steps)
+            astray = observation[:JOINT_COUNT] - episode.joint_position[step]
+            return episode.actions[step] - REPLAY_GAIN * astray
+
+        return follow, episode.joint_position[0]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Under which balls are played.
+
+    Attributes
+    ----------
+    world
+        Arm, scene and camera.
+    spread
+        Of the feeds.
+    ready_noise_rad
+        Standard deviation of the start posture of each joint.
+    filtered
+        Whether the policies see the ball through a `BallFilter` rather than sample by sample.
+    """
+
+    world: WorldConfig = field(default_factory=WorldConfig)
+    spread: FeedSpread = STANDARD
+    ready_noise_rad: float = 0.03
+    filtered: bool = False
+
+
+class EvaluationBall(NamedTuple):
+    """One ball: number, strategy, feed, offset of the start posture in standard deviations, seed."""
+
+    number: int
+    label: StrategyLabel
+    feed: Feed
+    offset: NDArray[np.float64]
+    seed: tuple[int, ...]
+
+
+def evaluation_balls(
+    labels: Sequence[StrategyLabel], balls: int, seed: int, spread: FeedSpread
+) -> list[EvaluationBall]:
+    """`balls` balls for each strategy: the same for whoever plays them."""
+    rng = np.random.default_rng((EVALUATION_STREAM, seed))
+    found: list[EvaluationBall] = []
+    for label in labels:
+        for _ in range(balls):
+            key = (EVALUATION_STREAM, seed, len(found))
+            offset = np.random.default_rng(key).standard_normal(JOINT_COUNT)
+            feed = Feeder().sample(label.side, spread, rng)
+            found.append(EvaluationBall(len(found), label, feed, offset, (*key, 1)))
+    return found
+
+
+def play_ball(
+    world: World, repertoire: Repertoire, ball: EvaluationBall, conditions: Conditions
+) -> tuple[Outcome, Episode]:
+    """Play one ball in a world of this process, as executor and simulator do over topics."""
+    policy, pose = repertoire.begin(ball.label, np.random.default_rng(ball.seed))
+    ready_pose = pose + conditions.ready_noise_rad * ball.offset
+    sight = camera_sight
+    if conditions.filtered:
+        ball_filter = BallFilter(conditions.world.camera.noise_std_m)
+
+        def sight(tick: Tick) -> tuple[NDArray[np.float64], int]:
+            return ball_filter.see(tick.time_ns, tick.ball_stamp_ns, tick.ball_position)
+
+    episode, outcome = play_in_world(world, ball.label, policy, ready_pose, ball.feed, ball.number, sight)
+    return outcome, episode
+
+
+class LimitsSeen(NamedTuple):
+    """Milliseconds looked at and over a limit; largest speed and torque as fractions of their limits."""
+
+    samples: int
+    exceeded: int
+    speed_fraction: float
+    torque_fraction: float
+
+    @classmethod
+    def join(cls, parts: Sequence[LimitsSeen]) -> LimitsSeen:
+        """All of them together."""
+        return cls(
+            sum(part.samples for part in parts),
+            sum(part.exceeded for part in parts),
+            max(part.speed_fraction for part in parts),
+            max(part.torque_fraction for part in parts),
+        )
+
+
+class Played(NamedTuple):
+    """Outcomes in the order of the balls, one film per strategy if wanted, and the joints' limits."""
+
+    outcomes: list[Outcome]
+    films: dict[StrategyLabel, Episode]
+    limits: LimitsSeen
+
+
+_world: World | None = None
+
+
+def _play(repertoire: Repertoire, balls: Sequence[EvaluationBall], conditions: Conditions) -> Played:
+    """Work of one process; a world is kept for as long as the conditions stay."""
+    global _world
+    if _world is None or _world.config != conditions.world:
+        if _world is not None:
+            _world.close()
+        _world = World(conditions.world)
+    limits = _world.rally.limits
+    limits.clear()
+    outcomes = []
+    films: dict[StrategyLabel, Episode] = {}
+    for ball in balls:
+        outcome, episode = play_ball(_world, repertoire, ball, conditions)
+        outcomes.append(outcome)
+        if outcome.returned and ball.label not in films:
+            films[ball.label] = _with_outcome(episode, outcome)
+    seen = LimitsSeen(
+        limits.samples,
+        limits.limits_exceeded,
+        float(limits.speed_fraction.max()),
+        float(limits.torque_fraction.max()),
+    )
+    return Played(outcomes, films, seen)
+
+
+def _with_outcome(episode: Episode, outcome: Outcome) -> Episode:
+    from dataclasses import replace
+
+    return replace(episode, outcome=outcome)
+
+
+class Table:
+    """Where balls are played: in this process, or in several at once.
+
+    Parameters
+    ----------
+    workers
+        Processes; 0 plays here. The results do not depend on it.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def play(self, repertoire: Repertoire, balls: Sequence[EvaluationBall], conditions: Conditions) -> Played:
+        """Play balls; outcomes in their order."""
+        if not self._workers:
+            return _play(repertoire, balls, conditions)
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._workers, context)
+        chunks: list[NDArray[np.intp]] = np.array_split(np.arange(len(balls)), self._workers * 4)
+        jobs = [
+            self._pool.submit(_play, repertoire, [balls[i] for i in chunk], conditions)
+            for chunk in chunks
+            if len(chunk)
+        ]
+        parts = [job.result() for job in jobs]
+        films = {label: film for part in reversed(parts) for label, film in part.films.items()}
+        outcomes = [outcome for part in parts for outcome in part.outcomes]
+        return Played(outcomes, films, LimitsSeen.join([part.limits for part in parts]))

@@ -1,0 +1,321 @@
+"""The table tennis study from start to end, resumable: every run leaves a folder that is not run again.
+
+Seeds are kept apart: training k draws from seed 1000 + k, its evaluation balls from stream
+`EVALUATION_STREAM` with seed 4000 + k, and nothing was tuned on either.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save as save_tensors
+
+from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.core.files import write_atomically
+from msrd_ros.core.resources import shipped_bags
+from msrd_ros.studies.shared.cache_keys import digest, kept
+from msrd_ros.studies.table_tennis.judging import judge, undone_pairs
+from msrd_ros.studies.table_tennis.live import (
+    Lesson,
+    LivePlan,
+    exchange_while_playing,
+    learn_with_rollouts,
+)
+from msrd_ros.studies.table_tennis.methods import (
+    LASTING_STEPS,
+    MAIN_METHODS,
+    PRIOR_WEIGHT,
+    Budget,
+    Learned,
+    Method,
+    learn,
+    make_training,
+)
+from msrd_ros.studies.table_tennis.playing import (
+    Conditions,
+    LearnedStrokes,
+    Played,
+    Repertoire,
+    ReplayedMotions,
+    Table,
+    evaluation_balls,
+)
+from msrd_ros.studies.table_tennis.recording import Progress, StudyData, load_episodes, record, split
+from msrd_ros.studies.table_tennis.results import (
+    evaluation_report,
+    method_metrics,
+    robustness_metrics,
+    save_films,
+)
+from msrd_ros.studies.table_tennis.robustness import robustness_conditions
+from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+
+TRAINING_SEED, EVALUATION_SEED, ROBUSTNESS_SEED = 1000, 4000, 5000
+
+
+def file_name(condition: str) -> str:
+    """A condition's name in letters, digits and underscores; different for different names."""
+    spelled = condition.replace("+", "plus ").replace("-", "minus ")
+    return "".join(c if c.isalnum() else "_" for c in spelled)
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """What to run.
+
+    Attributes
+    ----------
+    seeds
+        Training seeds.
+    subjects, recordings
+        Of the recorded study; 0 subjects takes the bags that the package ships instead.
+    held_out
+        Subjects kept from training.
+    budget
+        What each method may use.
+    balls, robustness_balls
+        Evaluation balls per label and training seed; the latter for every row of the robustness table.
+    methods, supplement
+        Rows of the table; the supplement comes last and on the first seed only.
+    conditions
+        Rows of the robustness table; None takes all.
+    live
+        What is learned and played over topics; None leaves it out.
+    workers
+        Processes that play; 0 plays in this one.
+    """
+
+    seeds: int = 3
+    subjects: int = 10
+    recordings: int = 3
+    held_out: int = 2
+    budget: Budget = field(default_factory=Budget)
+    balls: int = 200
+    robustness_balls: int = 50
+    methods: tuple[Method, ...] = MAIN_METHODS
+    supplement: tuple[Method, ...] = (
+        Method.MSRD_RANDOMISED,
+        Method.MSRD_CORRECTIVE_START,
+        Method.MSRD_AS_PRINTED,
+        Method.AIRL_EACH_CROSS,
+        Method.MSRD_PER_STROKE,
+    )
+    conditions: tuple[str, ...] | None = None
+    live: LivePlan | None = field(default_factory=LivePlan)
+    workers: int = 2
+
+    @classmethod
+    def quick(cls) -> StudyPlan:
+        """A small version for a first look and for the tests: shipped bags, one seed, few balls."""
+        return cls(
+            seeds=1,
+            subjects=0,
+            held_out=1,
+            budget=Budget(
+                sweeps=2,
+                episodes=40,
+                cloning_steps=400,
+                rehearse_every=2,
+                rehearse_balls=40,
+                threads=1,
+            ),
+            balls=4,
+            robustness_balls=1,
+            supplement=(),
+            conditions=("60 Hz, 3 mm, 20 ms, 10 % lost, estimator", "masses +10 %"),
+            live=None,
+            workers=0,
+        )
+
+
+class Study:
+    """One study in one folder.
+
+    Parameters
+    ----------
+    plan
+        What to run.
+    folder
+        Bags, logs, runs and films go below it.
+    progress
+        Told what is going on, line by line.
+    """
+
+    def __init__(self, plan: StudyPlan, folder: Path, progress: Progress) -> None:
+        self.plan = plan
+        self._runs = folder / "runs"
+        self._films = folder / "films"
+        self._progress = progress
+        self._bags = shipped_bags()
+        if plan.subjects:
+            self._bags = folder / "bags"
+            record(self._bags, folder / "logs", plan.subjects, plan.recordings, progress)
+        self.data: StudyData = split(load_episodes(self._bags, progress), plan.held_out)
+        self._pairs = undone_pairs(self.data, 0)
+        self._configs: dict[Method, dict[str, Any]] = {}
+
+    def run(self) -> dict[str, Any]:
+        """Everything; the content of ``metrics.json``."""
+        plan = self.plan
+        rows: dict[Method, list[dict[str, Any]]] = {}
+        with Table(plan.workers) as table:
+            for seed in range(plan.seeds):
+                for method in plan.methods:
+                    rows.setdefault(method, []).append(self._row(method, seed, table))
+            robustness = self._robustness(Method.MSRD, range(plan.seeds), table)
+            randomised: dict[str, list[dict[str, Any]]] = {}
+            if Method.MSRD_RANDOMISED in plan.supplement:
+                randomised = self._robustness(Method.MSRD_RANDOMISED, range(1), table)
+            for method in plan.supplement:
+                rows.setdefault(method, []).append(self._row(method, 0, table))
+            over_topics = self._over_topics(plan.live, table) if plan.live else {}
+        labels = [str(label) for label in ALL_LABELS]
+        methods = {method.value: method_metrics(found, labels) for method, found in rows.items()}
+        if Method.FROZEN_REWARD in methods and Method.BEHAVIOUR_CLONING in methods:
+            # Same seed, same cloning: its policies are the ones that the frozen rewards then improve.
+            for label, row in methods[Method.FROZEN_REWARD]["labels"].items():
+                start = methods[Method.BEHAVIOUR_CLONING]["labels"][label]
+                row["returned_at_start"] = start["returned"]
+        return {
+            "study": "table_tennis",
+            "seeds": list(range(plan.seeds)),
+            "labels": labels,
+            "methods": methods,
+            "robustness": robustness_metrics(robustness, labels),
+            "robustness_randomised": robustness_metrics(randomised, labels),
+            **over_topics,
+            "subjects": {
+                name: sorted({episode.subject for episode in part})
+                for name, part in (("training", self.data.training), ("held_out", self.data.held_out))
+            },
+            "plan": asdict(plan),
+        }
+
+    def _row(self, method: Method, seed: int, table: Table) -> dict[str, Any]:
+        """All about one method and training seed, from its folder or anew."""
+        folder = self._folder(method, seed)
+        result: dict[str, Any] = {}
+        repertoire: Repertoire
+        if method is Method.OPEN_LOOP:
+            groups = {label: [e for e in self.data.training if e.label == label] for label in ALL_LABELS}
+            repertoire = ReplayedMotions(groups)
+        else:
+            learned = self._learned(method, seed)
+            repertoire = LearnedStrokes(learned.policies)
+            result |= learned.report
+            if learned.rewards:
+                budget = self.plan.budget
+                result |= judge(method, learned.rewards, self.data, self._pairs, budget, TRAINING_SEED + seed)
+
+        def play() -> dict[str, Any]:
+            self._progress(f"{method} seed {seed}: plays {self.plan.balls} balls of each stroke")
+            played = self._play(table, repertoire, self.plan.balls, EVALUATION_SEED + seed, Conditions())
+            if method is Method.MSRD and seed == 0:
+                save_films(self._films, played.films)
+            return evaluation_report(played, self.plan.balls, self.data.landing_points)
+
+        return result | kept(folder / f"evaluation-{self.plan.balls}.json", play)
+
+    def _robustness(
+        self, method: Method, seeds: Sequence[int], table: Table
+    ) -> dict[str, list[dict[str, Any]]]:
+        """A method's policies under every condition, by name and seed."""
+        plan = self.plan
+        conditions = robustness_conditions()
+        names = plan.conditions or tuple(conditions)
+        rows: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+
+        def play(policies: StrokePolicies, seed: int, name: str) -> dict[str, Any]:
+            self._progress(f"robustness of {method}, seed {seed}: {name}")
+            balls, repertoire = plan.robustness_balls, LearnedStrokes(policies)
+            played = self._play(table, repertoire, balls, ROBUSTNESS_SEED + seed, conditions[name])
+            return evaluation_report(played, balls, self.data.landing_points)
+
+        for seed in seeds:
+            policies = self._learned(method, seed).policies
+            for name in names:
+                path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{file_name(name)}.json"
+                rows[name].append(kept(path, partial(play, policies, seed, name)))
+        return rows
+
+    def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
+        """Learning through the nodes beside the same in the batched simulator, and the exchange's curve."""
+        subjects = tuple(sorted({episode.subject for episode in self.data.training}))
+        settings = [asdict(live), self._config(Method.MSRD), self.plan.robustness_balls]
+        lesson = Lesson(
+            self._bags, subjects, self._runs / f"live-{digest(settings, self.data.digest)}", TRAINING_SEED
+        )
+
+        def play() -> dict[str, Any]:
+            rates, balls = {}, self.plan.robustness_balls
+            for rollouts in ("batched", "topics"):
+                policies = StrokePolicies.load(learn_with_rollouts(lesson, live, rollouts, self._progress))
+                played = self._play(table, LearnedStrokes(policies), balls, EVALUATION_SEED, Conditions())
+                rates[rollouts] = evaluation_report(played, balls, self.data.landing_points)["rates"]
+            return {"over_topics": rates, "hot_swap": exchange_while_playing(lesson, live, self._progress)}
+
+        return kept(lesson.folder / "played.json", play)
+
+    def _play(
+        self, table: Table, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions
+    ) -> Played:
+        world = replace(conditions.world, seed=seed)
+        conditions = replace(conditions, world=world)
+        return table.play(
+            repertoire, evaluation_balls(ALL_LABELS, balls, seed, conditions.spread), conditions
+        )
+
+    def _learned(self, method: Method, seed: int) -> Learned:
+        """A method's run, taken up or made."""
+        folder = self._folder(method, seed)
+        names = "policies.safetensors", "rewards.safetensors", "lasting_rewards.safetensors", "training.json"
+        files = [folder / name for name in names]
+        if all(path.exists() for path in files):
+            return Learned(
+                StrokePolicies.load(files[0]),
+                load_tensors(files[1].read_bytes()),
+                load_tensors(files[2].read_bytes()),
+                json.loads(files[3].read_text()),
+            )
+        self._progress(f"{method} seed {seed}: starts")
+        frozen = self._learned(Method.MSRD, seed).lasting if method is Method.FROZEN_REWARD else None
+        learned = learn(method, self.data, self.plan.budget, TRAINING_SEED + seed, self._progress, frozen)
+        rewards, lasting = (
+            {name: value.contiguous() for name, value in weights.items()}
+            for weights in (learned.rewards, learned.lasting)
+        )
+        contents = (
+            learned.policies.to_bytes(),
+            save_tensors(rewards),
+            save_tensors(lasting),
+            json.dumps(learned.report).encode(),
+        )
+        for path, content in zip(files, contents, strict=True):
+            write_atomically(path, content)
+        return learned
+
+    def _folder(self, method: Method, seed: int) -> Path:
+        """Where a run is kept: a run is taken up only if nothing about it has changed."""
+        settings = [self._config(method)]
+        if method is Method.FROZEN_REWARD:
+            frozen = {"prior_weight": PRIOR_WEIGHT, "lasting_steps": LASTING_STEPS}
+            settings += [self._config(Method.MSRD), frozen]  # whose rewards they are
+        key = digest(settings, asdict(self.plan.budget), self.data.digest, method)
+        return self._runs / f"{method}-{seed}-{key}"
+
+    def _config(self, method: Method) -> dict[str, Any]:
+        if method not in self._configs:
+            training = make_training(method, self.data, self.plan.budget, 0)
+            self._configs[method] = {**training.trainer.config.to_dict(), "training": asdict(training.config)}
+        return self._configs[method]
+
+
+def run_study(plan: StudyPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+    """Run, or go on with, the study in `folder`; the content of ``metrics.json``."""
+    return Study(plan, folder, progress).run()

@@ -1,0 +1,108 @@
+"""Finds a way for an arm between two strokes: one that leads neither through the table nor the floor.
+
+Joints that all move at once do not take the straight line between two postures, so every way is tried out
+with the very law by which it will be commanded, and the arm's clearance is looked at after each period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.episode import CONTROL_PERIOD_S
+from msrd_ros.robots.limits import (
+    HIGHEST_RAD,
+    LOWEST_RAD,
+    JointReference,
+    shape_command,
+    velocity_towards,
+)
+from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
+from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, clearance, obstacle
+from msrd_ros.table_tennis.ball.scene import Table
+
+PASSING_TOLERANCE_RAD = 0.05
+"""So near to a pose on the way the arm turns towards the next."""
+
+_ENOUGH_M = MARGIN_M + 0.01
+"""With less clearance the driver may hold the arm back."""
+_LIFTS_RAD = (0.3, 0.6, 0.9)
+_LONGEST_S = 8.0
+_CLOSE_RAD = 0.01
+
+Pose = NDArray[np.float64]
+_TABLE = obstacle(Table())
+
+
+def follow_way(
+    reference: JointReference, way: Sequence[Pose], goal: Pose, period_s: float
+) -> tuple[JointReference, Sequence[Pose]]:
+    """Next reference on the way past the poses of `way` to `goal`, and what is left of the way."""
+    target = way[0] if way else goal
+    moved = shape_command(reference, velocity_towards(reference, target, period_s), period_s)
+    passed = way and np.abs(moved.position - target).max() < PASSING_TOLERANCE_RAD
+    return moved, way[1:] if passed else way
+
+
+def find_way(reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) -> list[Pose]:
+    """Poses to pass between a reference and `goal`, best none.
+
+    Parameters
+    ----------
+    reference
+        Where the arm is, and how it moves.
+    goal
+        Where it shall come to rest, shape (7,), rad.
+    known
+        Poses that may be worth passing, shape (7,) each: such as where the stroke began.
+
+    Returns
+    -------
+    list of arrays
+        Of the first way that keeps clear of table and floor; of the one that keeps clearest if none does.
+    """
+    best: list[Pose] = []
+    best_m = -np.inf
+    for way in _ways(reference.position, goal, known):
+        least_m = _least_clearance(reference, way, goal)
+        if least_m > best_m:
+            best, best_m = way, least_m
+        if best_m > _ENOUGH_M:
+            break
+    return best
+
+
+def _ways(start: Pose, goal: Pose, known: Sequence[Pose]) -> Iterator[list[Pose]]:
+    """Ways in the order in which they are tried."""
+    yield []
+    for pose in known:
+        yield [pose]
+    for lift in _LIFTS_RAD:
+        # The shoulder's pitch lifts all that is in front of it.
+        yield [_lifted(start, lift), _lifted(goal, lift)]
+    yield [HOME_POSTURE_RAD]
+    for lift in _LIFTS_RAD:
+        yield [_lifted(start, lift), HOME_POSTURE_RAD]
+    for pose in known:
+        yield [pose, HOME_POSTURE_RAD]
+
+
+def _lifted(pose: Pose, lift: float) -> Pose:
+    lifted = pose.copy()
+    lifted[1] -= lift
+    return np.clip(lifted, LOWEST_RAD, HIGHEST_RAD)
+
+
+def _least_clearance(reference: JointReference, way: Sequence[Pose], goal: Pose) -> float:
+    """Least clearance in m after any period on the way; of a goal that is not reached in time, -inf."""
+    # Nobody can help where the arm is now or that the goal is where it is.
+    fixed_m = min(clearance(reference.position, _TABLE), clearance(goal, _TABLE)) - 1e-3
+    least_m = np.inf
+    for _ in range(round(_LONGEST_S / CONTROL_PERIOD_S)):
+        reference, way = follow_way(reference, way, goal, CONTROL_PERIOD_S)
+        least_m = min(least_m, clearance(reference.position, _TABLE))
+        if not way and np.abs(reference.position - goal).max() < _CLOSE_RAD:
+            return least_m if least_m < fixed_m else np.inf
+    return -np.inf

@@ -1,0 +1,1 @@
+"""The ball and the table: flight, rebound, impact times, referee, feeder, camera."""

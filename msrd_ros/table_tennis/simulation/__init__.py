@@ -1,0 +1,1 @@
+"""The simulated table: Bullet's world, the batched simulator, teach mode, pictures."""

@@ -1,0 +1,208 @@
+"""The Sawyer arm as a body in PyBullet, moved by joint torques, with its limits enforced and counted."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pybullet
+from numba import njit
+from numpy.typing import NDArray
+
+from msrd_ros.robots.dynamics import JOINT_FRICTION_NM_S
+from msrd_ros.robots.sawyer import (
+    JOINT_COUNT,
+    JOINT_NAMES,
+    POSITION_LOWER_RAD,
+    POSITION_UPPER_RAD,
+    SPEED_LIMIT_RAD_S,
+    TORQUE_LIMIT_NM,
+)
+from msrd_ros.robots.urdf import sawyer_urdf
+
+Array = NDArray[np.float64]
+
+SPEED_TOLERANCE = 0.01
+"""Share of a speed limit by which a sample may pass it before it is counted."""
+POSITION_TOLERANCE_RAD = 1e-3
+
+
+@dataclass(frozen=True)
+class ArmConfig:
+    """How the simulated arm differs from the robot's model of itself, for studies of robustness.
+
+    Attributes
+    ----------
+    mass_scale
+        Factor on all masses and inertias.
+    friction_scale
+        Factor on the joints' viscous friction, `JOINT_FRICTION_NM_S`.
+    joint_friction_nm
+        Dry friction of every joint, of which the model knows nothing; doubles the cost of a step.
+    """
+
+    mass_scale: float = 1.0
+    friction_scale: float = 1.0
+    joint_friction_nm: float = 0.0
+
+
+@dataclass
+class LimitLog:
+    """What the joints were seen to do, against their limits, since the last `clear`.
+
+    Attributes
+    ----------
+    speed_fraction, torque_fraction
+        Largest |speed| and |torque| of each joint as fractions of the limits, shape (7,).
+    counts
+        Samples, then samples over a limit of speed, position and torque, shape (4,).
+    """
+
+    speed_fraction: Array = field(default_factory=lambda: np.zeros(JOINT_COUNT))
+    torque_fraction: Array = field(default_factory=lambda: np.zeros(JOINT_COUNT))
+    counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, dtype=np.int64))
+
+    @property
+    def samples(self) -> int:
+        """Milliseconds looked at."""
+        return int(self.counts[0])
+
+    @property
+    def speed_exceeded(self) -> int:
+        """Samples with a joint more than 1 % over its speed limit."""
+        return int(self.counts[1])
+
+    @property
+    def position_exceeded(self) -> int:
+        """Samples with a joint outside its position limits."""
+        return int(self.counts[2])
+
+    @property
+    def torque_exceeded(self) -> int:
+        """Samples with a joint over its torque limit."""
+        return int(self.counts[3])
+
+    @property
+    def limits_exceeded(self) -> int:
+        """Samples over any limit, counted once for each kind."""
+        return int(self.counts[1:].sum())
+
+    def clear(self) -> None:
+        """Start anew."""
+        self.speed_fraction[:] = 0.0
+        self.torque_fraction[:] = 0.0
+        self.counts[:] = 0
+
+    def note(self, position: Array, velocity: Array, torque: Array) -> None:
+        """Take in one sample, shape (7,) each."""
+        note_limits(position, velocity, torque, self.speed_fraction, self.torque_fraction, self.counts)
+
+
+@njit(cache=True, nogil=True)
+def note_limits(
+    position: Array,
+    velocity: Array,
+    torque: Array,
+    speed_fraction: Array,
+    torque_fraction: Array,
+    counts: NDArray[np.int64],
+) -> None:
+    """Update the arrays of a `LimitLog` with one sample."""
+    too_fast, too_far, too_strong = False, False, False
+    for joint in range(JOINT_COUNT):
+        speed = abs(velocity[joint]) / SPEED_LIMIT_RAD_S[joint]
+        effort = abs(torque[joint]) / TORQUE_LIMIT_NM[joint]
+        speed_fraction[joint] = max(speed_fraction[joint], speed)
+        torque_fraction[joint] = max(torque_fraction[joint], effort)
+        too_fast |= speed > 1.0 + SPEED_TOLERANCE
+        too_strong |= effort > 1.0 + 1e-9
+        too_far |= (
+            position[joint] < POSITION_LOWER_RAD[joint] - POSITION_TOLERANCE_RAD
+            or position[joint] > POSITION_UPPER_RAD[joint] + POSITION_TOLERANCE_RAD
+        )
+    counts[0] += 1
+    counts[1] += too_fast
+    counts[2] += too_far
+    counts[3] += too_strong
+
+
+class BulletArm:
+    """Arm and paddle in one Bullet client.
+
+    Parameters
+    ----------
+    client
+        Of PyBullet.
+    config
+        Differences from the robot's model of itself.
+
+    Attributes
+    ----------
+    position, velocity
+        State after the last step, shape (7,), rad and rad/s. Bullet moves each joint through a step with
+        one velocity, so this is the mean velocity of the last step.
+    """
+
+    def __init__(self, client: int, config: ArmConfig | None = None) -> None:
+        config = config or ArmConfig()
+        self._client = client
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "sawyer.urdf"
+            path.write_text(sawyer_urdf(config.mass_scale), encoding="utf-8")
+            self.body: int = pybullet.loadURDF(
+                str(path),
+                useFixedBase=True,
+                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                physicsClientId=client,
+            )
+        by_name = {}
+        for index in range(pybullet.getNumJoints(self.body, physicsClientId=client)):
+            info = pybullet.getJointInfo(self.body, index, physicsClientId=client)
+            by_name[info[1].decode()] = index
+        self.joints: list[int] = [by_name[name] for name in JOINT_NAMES]
+        self.links: dict[str, int] = by_name
+        self._free_the_joints(config)
+        self.position: Array = np.zeros(JOINT_COUNT)
+        self.velocity: Array = np.zeros(JOINT_COUNT)
+
+    def _free_the_joints(self, config: ArmConfig) -> None:
+        # Bullet brakes every joint with a motor of its own and damps every link unless told not to.
+        pybullet.setJointMotorControlArray(
+            self.body,
+            self.joints,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=[0.0] * JOINT_COUNT,
+            forces=[config.joint_friction_nm] * JOINT_COUNT,
+            physicsClientId=self._client,
+        )
+        pybullet.changeDynamics(
+            self.body, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
+        )
+        for joint, damping in zip(self.joints, JOINT_FRICTION_NM_S.tolist(), strict=True):
+            pybullet.changeDynamics(
+                self.body, joint, jointDamping=damping * config.friction_scale, physicsClientId=self._client
+            )
+
+    def place(self, position: Array) -> None:
+        """Put the joints at rest at `position` (7,) in rad, whatever they did before."""
+        for joint, angle in zip(self.joints, position.tolist(), strict=True):
+            pybullet.resetJointState(self.body, joint, angle, 0.0, physicsClientId=self._client)
+        self.position[:] = position
+        self.velocity[:] = 0.0
+
+    def apply(self, torque: Array) -> None:
+        """Let torques (7,) in Nm act on the joints during the next step."""
+        pybullet.setJointMotorControlArray(
+            self.body,
+            self.joints,
+            pybullet.TORQUE_CONTROL,
+            forces=torque.tolist(),
+            physicsClientId=self._client,
+        )
+
+    def read(self) -> None:
+        """Fetch the state of the joints from Bullet into `position` and `velocity`."""
+        states = pybullet.getJointStates(self.body, self.joints, physicsClientId=self._client)
+        self.position[:], self.velocity[:], _, _ = zip(*states, strict=True)

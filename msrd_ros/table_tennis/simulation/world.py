@@ -1,0 +1,235 @@
+"""The simulated table with everything around it: rallies, camera and feeds, tick by tick.
+
+The simulator node and the in-process rollouts both drive this class, so that the same commands give the
+same trajectories with and without topics.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.outcome import MissReason, Outcome
+from msrd_ros.contract.translation import NANOSECONDS
+from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
+from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
+from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
+from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
+from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
+
+EPOCH_NS = NANOSECONDS
+"""Simulated time starts at one second: zero means "no time yet" in ROS."""
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """What the world is like.
+
+    Attributes
+    ----------
+    rally
+        Arm and scene.
+    camera
+        How well the ball is seen.
+    seed
+        Of the camera's noise.
+    """
+
+    rally: RallyConfig = field(default_factory=RallyConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    seed: int = 0
+
+
+class Sample(NamedTuple):
+    """One frame of the camera: when it was taken and where the ball seemed to be, shape (3,), m."""
+
+    stamp_ns: int
+    position: NDArray[np.float64]
+
+
+class Tick(NamedTuple):
+    """What the robot's side learns once per tick: joints (7,) and the newest ball sample (3,), in SI."""
+
+    time_ns: int
+    joint_position: NDArray[np.float64]
+    joint_velocity: NDArray[np.float64]
+    joint_effort: NDArray[np.float64]
+    ball_position: NDArray[np.float64]
+    ball_stamp_ns: int
+    label: StrategyLabel | None
+
+
+class Result(NamedTuple):
+    """One ball's outcome and the strategy that was wanted when it was launched."""
+
+    label: StrategyLabel | None
+    outcome: Outcome
+
+
+def compile_ahead(config: RallyConfig) -> None:
+    """Play a ball through a world of its own, so that nothing has to be compiled while others wait.
+
+    The first time after an installation this takes about a minute; from then on the compiled code is kept.
+    """
+    rally = Rally(config)
+    rally.reset(HOME_POSTURE_RAD)
+    rally.launch(Feeder().nominal(Side.FOREHAND))
+    rally.command(HOME_POSTURE_RAD, np.full(7, 0.01), 0.02)
+    rally.play_out()
+    pose = rally.paddle
+    rally.set_teach(True)
+    rally.lead_gesture(HandGesture.now(pose.position, pose.quaternion))
+    rally.advance(0.005)
+    rally.release_hand()
+    rally.advance(0.005)
+    rally.close()
+
+
+class World:
+    """A Sawyer at a table with feeder, camera and referee.
+
+    Parameters
+    ----------
+    config
+        What it is like.
+    gui
+        Show Bullet's window.
+    """
+
+    def __init__(self, config: WorldConfig, gui: bool = False) -> None:
+        self.config = config
+        self.rally = Rally(config.rally, gui=gui)
+        self.strategy: StrategyLabel | None = None
+        self.teaching = False
+        self.balls = 0
+        self.results: deque[Result] = deque()
+        self._feeds: deque[tuple[Feed, int]] = deque()
+        self._served: StrategyLabel | None = None
+        self._label: StrategyLabel | None = None
+        self._waiting_ball = np.array(Feeder().nominal(Side.FOREHAND).position)
+        self._camera = Camera(config.camera, np.random.default_rng(config.seed))
+        self._launch_ns = 0
+        self._sample = Sample(EPOCH_NS, self._waiting_ball)
+        self.rally.reset(HOME_POSTURE_RAD)
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time in whole nanoseconds."""
+        return EPOCH_NS + round(self.rally.time * 1000.0) * (NANOSECONDS // 1000)
+
+    @property
+    def feeds_waiting(self) -> int:
+        """Balls that are to be launched."""
+        return len(self._feeds)
+
+    def close(self) -> None:
+        """Let go of Bullet."""
+        self.rally.close()
+
+    def tick(self) -> Tick:
+        """What is seen now."""
+        if self.rally.ball_in_play:
+            frame = self._camera.newest((self.time_ns - self._launch_ns) / NANOSECONDS)
+            if frame is not None:
+                stamp_ns = self._launch_ns + round(frame.stamp * NANOSECONDS)
+                self._sample = Sample(stamp_ns, frame.position)
+        else:
+            # A ball that lies still is seen without noise: there is time to average over many frames.
+            self._sample = Sample(self.time_ns, self._waiting_ball)
+        rally = self.rally
+        return Tick(
+            self.time_ns,
+            rally.joint_position,
+            rally.joint_velocity,
+            rally.joint_effort,
+            self._sample.position,
+            self._sample.stamp_ns,
+            self._label,
+        )
+
+    # -- what is done to the world -------------------------------------------------------------
+
+    def feed(self, feed: Feed, not_before_ns: int = 0) -> None:
+        """Launch a ball as soon as the arm rests and serves the strategy, not before a given time.
+
+        While the arm is being taught, the ball is launched at the next tick.
+        """
+        self._feeds.append((feed, not_before_ns))
+
+    def command(
+        self,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        period_s: float,
+        label: StrategyLabel | None,
+    ) -> None:
+        """Give the arm the state to reach in `period_s`, on behalf of a strategy."""
+        self._served = label
+        self.rally.command(position, velocity, period_s)
+
+    def lead_hand(self, gesture: HandGesture) -> None:
+        """Say where the teacher's hand leads the paddle: a gesture that starts now, or one streamed point."""
+        if len(gesture.times_s) > 1:
+            self.rally.lead_gesture(gesture)
+            return
+        self.rally.lead_hand(
+            gesture.positions[0], gesture.quaternions[0], gesture.velocities[0], gesture.angular_velocities[0]
+        )
+
+    def set_teaching(self, teaching: bool) -> None:
+        """Switch between zero-g, led by the hand, and following commands."""
+        self.teaching = teaching
+        self._served = None
+        self.rally.set_teach(teaching)
+
+    def reset(self) -> None:
+        """Bring the arm home at once; a ball in play is called off."""
+        if self.rally.ball_in_play:
+            self._finish(Outcome(self.rally.balls_launched - 1, False, MissReason.UNDECIDED))
+        self._feeds.clear()
+        self.rally.reset(HOME_POSTURE_RAD)
+
+    def advance(self, period_s: float) -> None:
+        """Let time pass; a ball's outcome appears in `results` once its rally is over."""
+        self._launch_if_ready()
+        in_play = self.rally.ball_in_play
+        self.rally.advance(period_s, self._watch)
+        if in_play and self.rally.outcome is not None:
+            self._finish(self.rally.outcome)
+
+    # ------------------------------------------------------------------------------------------
+
+    def _launch_if_ready(self) -> None:
+        if not self._feeds or self.rally.ball_in_play:
+            return
+        feed, not_before_ns = self._feeds[0]
+        shown = np.array_equal(self._waiting_ball, feed.position)
+        self._waiting_ball = np.array(feed.position)
+        # The ball is seen where it is launched from for one tick at least.
+        if not shown or self.time_ns < not_before_ns:
+            return
+        if not self.teaching and not (self.rally.at_rest and self._served == self.strategy):
+            return
+        self._feeds.popleft()
+        self._label = self.strategy
+        self.balls += 1
+        # Noise that depends on the ball alone, so that a rally repeats whatever came before it.
+        rng = np.random.default_rng((self.config.seed, self.balls))
+        self._camera = Camera(self.config.camera, rng)
+        self._launch_ns = self.time_ns
+        self._sample = Sample(self.time_ns, self._waiting_ball)
+        self._camera.offer(0.0, self._waiting_ball)
+        self.rally.launch(feed)
+
+    def _finish(self, outcome: Outcome) -> None:
+        self.results.append(Result(self._label, outcome))
+        self._label = None
+
+    def _watch(self, since_launch_s: float, ball: NDArray[np.float64]) -> None:
+        """Show the camera where the ball is, once per simulation step."""
+        self._camera.offer(since_launch_s, ball[:3])

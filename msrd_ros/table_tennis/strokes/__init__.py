@@ -1,0 +1,1 @@
+"""Strokes as learned and played: policies, player, training, rollouts, rates."""

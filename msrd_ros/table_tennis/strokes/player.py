@@ -1,0 +1,187 @@
+"""Plays one learned strategy: ready pose, stroke, rest; the same code on topics and in process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity, observe
+from msrd_ros.contract.translation import BallTracker
+from msrd_ros.robots.limits import (
+    HIGHEST_RAD,
+    LOWEST_RAD,
+    JointReference,
+    shape_command,
+)
+from msrd_ros.table_tennis.arm.via_point_path import find_way, follow_way
+
+PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Maps an observation (13,) to an action (7,)."""
+
+READY_TOLERANCE_RAD = 1e-5
+TRACKING_TOLERANCE_RAD = 0.25
+"""A joint further than this from its command has met something."""
+
+
+class Phase(Enum):
+    """What the arm is doing."""
+
+    READYING = "moving to the ready pose"
+    READY = "ready"
+    STROKE = "playing"
+    RESTING = "coming to rest"
+
+
+class StrokePlayer:
+    """Turns ticks of the control loop into commands.
+
+    Between balls the reference moves to the ready pose and rests there. From the first sample that shows a
+    fed ball the policy acts for `ACTING_STEPS` ticks; then the arm comes to rest until the episode is over.
+    A ball that is fed before the arm is ready is let through. An arm that strays from its command is led on
+    from where it is, and its stroke is over.
+
+    Parameters
+    ----------
+    joint_position
+        Where the joints are now, shape (7,), rad.
+    tracking_tolerance_rad
+        A joint further than this from its command has strayed.
+    """
+
+    def __init__(
+        self, joint_position: NDArray[np.float64], tracking_tolerance_rad: float = TRACKING_TOLERANCE_RAD
+    ) -> None:
+        self.reference = JointReference(joint_position.copy(), np.zeros(7))
+        self.phase = Phase.READYING
+        self.strokes_begun = 0
+        self._tracking_tolerance_rad = tracking_tolerance_rad
+        self._policy: PolicyFunction | None = None
+        self._ready_pose: NDArray[np.float64] = joint_position.copy()
+        self._began_at: tuple[NDArray[np.float64], ...] = ()
+        self._way: Sequence[NDArray[np.float64]] | None = ()
+        self._ball = BallTracker()
+        self._step = 0
+
+    @property
+    def between_strokes(self) -> bool:
+        """Whether a strategy or a policy may be exchanged now."""
+        return self.phase in (Phase.READYING, Phase.READY)
+
+    @property
+    def step(self) -> int:
+        """Ticks since the ball was fed."""
+        return self._step
+
+    def prepare(
+        self,
+        policy: PolicyFunction | None,
+        ready_pose: NDArray[np.float64],
+        began_at: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Take the strategy to play next; only between strokes.
+
+        Parameters
+        ----------
+        policy
+            What to play; None lets balls through.
+        ready_pose
+            Where to wait for the ball, shape (7,), rad; what lies outside the joints' limits is drawn in.
+        began_at
+            Where the arm's last stroke began, shape (7,), rad, if someone else led it.
+        """
+        if began_at is not None:
+            self._began_at = (began_at,)
+        self._policy = policy
+        self._ready_pose = np.clip(ready_pose, LOWEST_RAD, HIGHEST_RAD)
+        self._set_out()
+
+    def tick(
+        self,
+        joint_position: NDArray[np.float64],
+        ball_position: NDArray[np.float64],
+        ball_stamp_ns: int,
+        period_s: float = CONTROL_PERIOD_S,
+    ) -> JointReference:
+        """Next command: joint positions and velocities one control period from now.
+
+        Parameters
+        ----------
+        joint_position
+            As measured, shape (7,), rad.
+        ball_position
+            Newest camera sample, shape (3,), m.
+        ball_stamp_ns
+            When it was taken.
+        period_s
+            Control period.
+
+        Raises
+        ------
+        UserError
+            If the policy's output is not a number; the caller then holds still.
+        """
+        self.follow(joint_position)
+        was_fed = self._ball.fed
+        self._ball.add(ball_position, ball_stamp_ns)
+        if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
+            self.phase, self._step = Phase.STROKE, 0
+            self.strokes_begun += 1
+            self._began_at = (self._ready_pose,)
+        if self.phase is Phase.STROKE:
+            assert self._policy is not None
+            action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
+            self.reference = shape_command(self.reference, action_to_velocity(action), period_s)
+        elif self.phase is Phase.RESTING:
+            self.reference = shape_command(self.reference, np.zeros(7), period_s)
+        else:
+            self._move_to_ready(period_s)
+        self._count()
+        return self.reference
+
+    def follow(self, joint_position: NDArray[np.float64]) -> float:
+        """Start anew from the arm, shape (7,), rad, if it has strayed; how far the worst joint is off."""
+        error = float(np.abs(joint_position - self.reference.position).max())
+        if error > self._tracking_tolerance_rad:
+            self.reference = JointReference(joint_position.copy(), np.zeros(7))
+            if self.phase in (Phase.STROKE, Phase.RESTING):
+                self.phase = Phase.RESTING
+            else:
+                self._set_out()
+        return error
+
+    def hold(self, period_s: float = CONTROL_PERIOD_S) -> JointReference:
+        """Decelerate to a stop and stay: for stale inputs, a disabled executor or an unusable policy."""
+        self.phase = Phase.RESTING if self.phase is Phase.STROKE else self.phase
+        self.reference = shape_command(self.reference, np.zeros(7), period_s)
+        return self.reference
+
+    def _set_out(self) -> None:
+        """Make for the ready pose, on a way that is found when the arm moves: until then it may change."""
+        self._way = None
+        self.phase = Phase.READYING
+
+    def _move_to_ready(self, period_s: float) -> None:
+        if self._way is None:
+            # The straight way from the end of a stroke may lead through the table.
+            self._way = find_way(self.reference, self._ready_pose, self._began_at)
+        under_way = bool(self._way)
+        reference, self._way = follow_way(self.reference, self._way, self._ready_pose, period_s)
+        close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
+        slow = np.abs(reference.velocity).max() * period_s < READY_TOLERANCE_RAD
+        if close and slow and not under_way:
+            # Land exactly, so that every stroke from this pose starts from the same numbers.
+            reference = JointReference(self._ready_pose.copy(), np.zeros(7))
+            self.phase, self._began_at = Phase.READY, ()
+        self.reference = reference
+
+    def _count(self) -> None:
+        if self.phase not in (Phase.STROKE, Phase.RESTING):
+            return
+        self._step += 1
+        if self._step >= HORIZON - 1:
+            self._set_out()
+        elif self._step >= ACTING_STEPS:
+            self.phase = Phase.RESTING

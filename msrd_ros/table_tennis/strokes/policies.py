@@ -1,0 +1,167 @@
+"""Policies of table tennis strokes: a policy set with each strategy's ready pose, ready to play."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.episode import ACTING_STEPS, ACTION_NAMES, CONTROL_PERIOD_S, OBSERVATION_NAMES
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.core.errors import UserError
+from msrd_ros.learning.layout import Layout
+from msrd_ros.learning.policy import PolicySet
+from msrd_ros.robots.sawyer import JOINT_COUNT, JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD
+
+PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Maps an observation (13,) to an action (7,)."""
+
+
+def stroke_layout(labels: Sequence[StrategyLabel] = ()) -> Layout:
+    """The layout of this package's strokes: what every policy that the executor plays must have."""
+    return Layout(OBSERVATION_NAMES, ACTION_NAMES, tuple(map(str, labels)), CONTROL_PERIOD_S)
+
+
+class StrokeDraws(NamedTuple):
+    """Standard normal draws of one stroke: start posture (7,) and exploration (T_act, 7)."""
+
+    ready: NDArray[np.float64]
+    action: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, seed: int, index: int) -> StrokeDraws:
+        """The draws of stroke number `index`: the same whoever plays it, in process or over topics."""
+        rng = np.random.default_rng((seed, index))
+        return cls(rng.standard_normal(JOINT_COUNT), rng.standard_normal((ACTING_STEPS, JOINT_COUNT)))
+
+
+@dataclass(frozen=True)
+class StrokeFacts:
+    """What the demonstrations say of one strategy beside its policy.
+
+    Attributes
+    ----------
+    ready_pose
+        Mean posture in which they begin, shape (7,), rad.
+    landing_point
+        Mean landing point of their returned balls, shape (2,), m; NaN where unknown.
+    """
+
+    ready_pose: NDArray[np.float64]
+    landing_point: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StrokePolicies:
+    """Policies of several strategies with what is needed to play them on the robot.
+
+    Attributes
+    ----------
+    policies
+        The networks.
+    facts
+        By strategy.
+    exploration_seed
+        Of the draws with which actions are to be varied; None plays the means.
+    ready_noise_rad
+        Spread of the start posture while exploring.
+    """
+
+    policies: PolicySet
+    facts: Mapping[StrategyLabel, StrokeFacts]
+    exploration_seed: int | None = None
+    ready_noise_rad: float = 0.0
+
+    @property
+    def labels(self) -> tuple[StrategyLabel, ...]:
+        """Strategies that can be played."""
+        return tuple(self.facts)
+
+    @property
+    def digest(self) -> str:
+        """Tells these policies and their draws from others, in few letters."""
+        weights = self.policies.digest[:12]
+        return weights if self.exploration_seed is None else f"{weights}/{self.exploration_seed}"
+
+    def require(self, label: StrategyLabel) -> StrokeFacts:
+        """What is known of a strategy.
+
+        Raises
+        ------
+        UserError
+            If there is no such strategy.
+        """
+        if label not in self.facts:
+            known = ", ".join(map(str, self.facts))
+            raise UserError(f"no policy for strategy {label}; the checkpoint has {known}")
+        return self.facts[label]
+
+    def play(self, label: StrategyLabel, draws: StrokeDraws) -> PolicyFunction:
+        """One stroke of a strategy: its mean actions, varied by `draws` if exploration is wanted."""
+        policy = self.policies.policy(str(label))
+        if self.exploration_seed is None:
+            return lambda observation: np.asarray(policy.act(observation), dtype=np.float64)
+        noise = iter(draws.action)
+        return lambda observation: np.asarray(policy.act(observation, next(noise)), dtype=np.float64)
+
+    def to_bytes(self) -> bytes:
+        """A policy file that holds the strokes' facts, too."""
+        details = {
+            **self.policies.details,
+            "strokes": {
+                str(label): {
+                    "ready_pose": facts.ready_pose.tolist(),
+                    "landing_point": [None if math.isnan(x) else x for x in facts.landing_point.tolist()],
+                }
+                for label, facts in self.facts.items()
+            },
+            "exploration_seed": self.exploration_seed,
+            "ready_noise_rad": self.ready_noise_rad,
+        }
+        return replace(self.policies, details=details).to_bytes()
+
+    @classmethod
+    def from_bytes(cls, data: bytes, where: str) -> StrokePolicies:
+        """Read what `to_bytes` wrote.
+
+        Raises
+        ------
+        UserError
+            If it is no policy file, made for another layout, or a ready pose is missing or unreachable.
+        """
+        policies = PolicySet.from_bytes(data, where)
+        policies.layout.require(stroke_layout(), where)
+        strokes = policies.details.get("strokes")
+        if not isinstance(strokes, dict):
+            raise UserError(f"{where}: has no ready poses; give a policies file that the trainer node wrote")
+        facts = {}
+        for text in policies.layout.labels:
+            label = StrategyLabel.parse(text, where)
+            try:
+                ready_pose = np.array(strokes[text]["ready_pose"], dtype=np.float64)
+                landing_point = np.array(strokes[text]["landing_point"], dtype=np.float64)
+            except (KeyError, TypeError, ValueError):
+                raise UserError(f"{where}: the ready pose of {text} is missing; train again") from None
+            fits = (ready_pose >= POSITION_LOWER_RAD) & (ready_pose <= POSITION_UPPER_RAD)
+            if ready_pose.shape != (JOINT_COUNT,) or not fits.all():
+                joint = JOINT_NAMES[int(np.argmin(fits))] if ready_pose.shape == fits.shape else "count"
+                raise UserError(f"{where}: ready pose of {text}: joint {joint} is out of its limits")
+            facts[label] = StrokeFacts(ready_pose, landing_point)
+        details = policies.details
+        return cls(policies, facts, details.get("exploration_seed"), details.get("ready_noise_rad", 0.0))
+
+    @classmethod
+    def load(cls, path: Path) -> StrokePolicies:
+        """Read a file; see `from_bytes`."""
+        try:
+            data = Path(path).expanduser().read_bytes()
+        except OSError as error:
+            raise UserError(
+                f"{path}: cannot read the checkpoint ({error.strerror}); train one, or mend the path"
+            ) from None
+        return cls.from_bytes(data, str(path))

@@ -1,0 +1,145 @@
+"""Rates of a batch of balls: struck, returned, near the wanted landing point, told apart by spin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from msrd_ros.contract.labels import Stroke
+from msrd_ros.contract.outcome import Outcome
+from msrd_ros.table_tennis.teachers.study_design import LEAST_STROKE_SPIN_RAD_S, MOST_PUSH_SPIN_RAD_S
+
+LANDING_RADIUS_M = 0.20
+
+SPIN_CLASS_BORDER_RAD_S = (MOST_PUSH_SPIN_RAD_S + LEAST_STROKE_SPIN_RAD_S) / 2
+"""Half-way between what a demonstrated push and a demonstrated slice or topspin may have."""
+
+
+def nearest_stroke(spin_y_rad_s: float) -> Stroke:
+    """The stroke that an outgoing ball's spin speaks of; positive is topspin."""
+    if abs(spin_y_rad_s) <= SPIN_CLASS_BORDER_RAD_S:
+        return Stroke.PUSH
+    return Stroke.TOPSPIN if spin_y_rad_s > 0.0 else Stroke.SLICE
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A share with its Wilson 95 % confidence interval."""
+
+    count: int
+    total: int
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, count: int, total: int) -> Rate:
+        """Count successes; a total of zero gives the interval [0, 1]."""
+        if total == 0:
+            return cls(0, 0, 0.0, 1.0)
+        interval = binomtest(count, total).proportion_ci(0.95, method="wilson")
+        return cls(count, total, float(interval.low), float(interval.high))
+
+    @property
+    def share(self) -> float:
+        """Successes over total; NaN for nothing."""
+        return self.count / self.total if self.total else math.nan
+
+    def __str__(self) -> str:
+        if not self.total:
+            return "-"
+        return f"{100 * self.share:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]"
+
+
+@dataclass(frozen=True)
+class LabelRates:
+    """What became of the balls of one strategy.
+
+    Spin and landing points are of returned balls only; spin about the y axis in rad/s, + is topspin.
+    """
+
+    fed: int
+    struck: Rate
+    returned: Rate
+    within_20cm: Rate
+    spin_class_right: Rate
+    spin_mean: float
+    spin_sd: float
+    landing_points: list[tuple[float, float]]
+    spins: list[float]
+    miss_reasons: dict[str, int]
+
+    @classmethod
+    def of(
+        cls, stroke: Stroke, outcomes: Sequence[Outcome], landing_point: NDArray[np.float64] | None
+    ) -> LabelRates:
+        """Rates of `outcomes`, all of one strategy.
+
+        Parameters
+        ----------
+        stroke
+            The stroke that was asked for.
+        outcomes
+            One per ball.
+        landing_point
+            Where the demonstrations landed on average, shape (2,), m; None or NaN where unknown.
+        """
+        back = [outcome for outcome in outcomes if outcome.returned]
+        spins = [outcome.spin_y_rad_s for outcome in back]
+        points = [(outcome.landing_x_m, outcome.landing_y_m) for outcome in back]
+        near = 0
+        known = landing_point is not None and bool(np.isfinite(landing_point).all())
+        if known:
+            near = sum(math.dist(point, landing_point) <= LANDING_RADIUS_M for point in points)  # type: ignore[arg-type]
+        reasons: dict[str, int] = {}
+        for outcome in outcomes:
+            if not outcome.returned:
+                reasons[outcome.message] = reasons.get(outcome.message, 0) + 1
+        return cls(
+            len(outcomes),
+            Rate.of(sum(outcome.struck for outcome in outcomes), len(outcomes)),
+            Rate.of(len(back), len(outcomes)),
+            Rate.of(near, len(back) if known else 0),
+            Rate.of(sum(nearest_stroke(spin) is stroke for spin in spins), len(back)),
+            float(np.mean(spins)) if spins else math.nan,
+            float(np.std(spins)) if spins else math.nan,
+            points,
+            spins,
+            reasons,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Counts as plain numbers, intervals beside them; NaN becomes None."""
+        values = asdict(self)
+        for name in ("struck", "returned", "within_20cm", "spin_class_right"):
+            rate: Rate = getattr(self, name)
+            values[name] = rate.count
+            values[f"{name}_share"] = _none_if_nan(rate.share)
+            values[f"{name}_interval"] = [rate.low, rate.high]
+        values["spin_mean"] = _none_if_nan(self.spin_mean)
+        values["spin_sd"] = _none_if_nan(self.spin_sd)
+        return values
+
+
+def _none_if_nan(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def format_table(rates: dict[str, LabelRates]) -> str:
+    """A table for the terminal, one line per strategy."""
+    lines = [
+        f"{'strategy':<18}{'fed':>5}  {'struck':<18}{'returned':<18}{'within 20 cm':<18}"
+        f"{'spin rad/s':<14}spin class"
+    ]
+    for label, row in rates.items():
+        spin = "-" if math.isnan(row.spin_mean) else f"{row.spin_mean:+.0f} +- {row.spin_sd:.0f}"
+        lines.append(
+            f"{label:<18}{row.fed:>5}  {row.struck!s:<18}{row.returned!s:<18}{row.within_20cm!s:<18}"
+            f"{spin:<14}{row.spin_class_right}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Synthetic teachers: their plans, styles, errors and the study in which they show strokes."""

@@ -1,0 +1,234 @@
+"""Finds a hit: when to meet the ball, in which posture and with which joint rates, for a wanted return.
+
+Unknowns are the time of the hit, the seven joint angles and the seven joint rates. Conditions come as
+weighted residuals of the same rubber and flight model that the rally plays by: the blade's face touches the
+ball at its centre, the ball leaves with the wanted spin for the wanted place over the net, the rates stay
+within a share of the limits; what freedom is left goes to small rates, a steady blade and a familiar posture.
+A compiled Levenberg-Marquardt search solves it in about a millisecond from a good start.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
+from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.table_tennis.ball.rebound import rebound_rubber
+from msrd_ros.table_tennis.ball.trajectory import path_at, return_flight
+
+Array = NDArray[np.float64]
+
+HIT_SIZE = 15
+TIME, POSITION, RATE = 0, slice(1, 8), slice(8, 15)
+"""Layout of the unknowns: time in s, joint angles in rad, joint rates as fractions of the speed limits."""
+
+_SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
+_LOWER = np.array([-1.2, -1.8, -2.6, -2.6, -2.7, -2.7, -3.9])
+_UPPER = np.array([1.2, 0.8, 2.6, 2.6, 2.7, 2.7, 3.9])
+
+# What a residual of 1 stands for. The first group decides whether the ball comes back as wanted.
+_CENTRING_M = 0.004
+_SPIN_RAD_S = 4.0
+_SIDE_SPIN_RAD_S = 30.0
+_LANDING_DEPTH_M = 0.1
+_LANDING_WIDTH_M = 0.2
+_CLEARANCE_M = 0.03
+_APEX_M = 0.1
+_APPROACH_M_S = 0.1
+# Limits, and then what is only preferred.
+_RATE_EXCESS = 0.01
+_ANGLE_EXCESS_RAD = 0.02
+_HEIGHT_EXCESS_M = 0.01
+_RATE_EFFORT = 3.5
+_BLADE_TURN_RAD_S = 10.0
+
+LOWEST_OVER_NET_M = 0.13
+"""Least room between the ball's underside and the net's top."""
+HIGHEST_APEX_M = 1.60
+SLOWEST_APPROACH_M_S = 1.5
+BLADE_OVER_TABLE_M = 0.04
+
+_RESIDUALS = 62
+
+
+class HitWish(NamedTuple):
+    """What is wanted of a hit.
+
+    Attributes
+    ----------
+    face
+        +1 for the forehand face (+y of right_l6), -1 for the backhand face.
+    spin_y
+        Spin about y right after the hit, rad/s.
+    landing_x, landing_y
+        Where the ball shall bounce on the far half, m.
+    time, time_slack
+        The hit comes within `time` +- `time_slack`, s.
+    highest_rate
+        Largest joint rate as a fraction of the speed limits.
+    posture, posture_weight
+        Joint angles (7,) to stay near to, and residual per rad.
+    rates, rates_weight
+        Joint rates (7,) as fractions of the limits to stay near to, and residual per fraction.
+    """
+
+    face: float
+    spin_y: float
+    landing_x: float
+    landing_y: float
+    time: float
+    time_slack: float
+    highest_rate: float
+    posture: Array
+    posture_weight: float
+    rates: Array
+    rates_weight: float
+
+
+class Hit(NamedTuple):
+    """What a hit does. Positions m, velocities m/s, world frame.
+
+    Attributes
+    ----------
+    off_centre
+        Ball's centre minus where it would be for a touch in the middle of the face, shape (3,).
+    normal
+        Outward normal of the face that meets the ball, shape (3,).
+    paddle_velocity, paddle_turn
+        Velocity of the face where it touches, and angular velocity of the paddle, shape (3,).
+    approach
+        Speed along the normal at which ball and face close, positive.
+    ball_in, ball_out
+        Ball before and after, shape (9,).
+    """
+
+    off_centre: Array
+    normal: Array
+    paddle_velocity: Array
+    paddle_turn: Array
+    approach: float
+    ball_in: Array
+    ball_out: Array
+
+
+@njit(cache=True, nogil=True)
+def carry_out(hit: Array, face: float, path: Array, period: float, scene: NDArray[np.void]) -> Hit:
+    """What the hit (15,) does to the ball on `path` (N, 9; rows `period` s apart)."""
+    constants = scene[0]
+    ball = path_at(path, period, hit[0])
+    rates = hit[8:15] * _SPEED_LIMIT
+    centre, rotation = paddle_pose(hit[1:8])
+    twist = paddle_jacobian(hit[1:8]) @ rates
+    normal = face * rotation[:, 1]
+    lever = constants.blade_half_thickness * normal
+    turn = twist[3:6].copy()
+    velocity = twist[:3] + np.cross(turn, lever)
+    off_centre = ball[:3] - centre - normal * (constants.ball_radius + constants.blade_half_thickness)
+    approach = -np.sum((ball[3:6] - velocity) * normal)
+    struck = ball.copy()
+    rebound_rubber(
+        struck,
+        normal[0],
+        normal[1],
+        normal[2],
+        velocity[0],
+        velocity[1],
+        velocity[2],
+        constants,
+    )
+    return Hit(off_centre, normal, velocity, turn, approach, ball, struck)
+
+
+@njit(cache=True, nogil=True)
+def _excess(value: float, lower: float, upper: float) -> float:
+    return max(value - upper, 0.0) + min(value - lower, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def hit_residuals(
+    hit: Array, wish: HitWish, path: Array, period: float, scene: NDArray[np.void], out: Array
+) -> int:
+    """Write the weighted residuals of a hit (15,) into `out` and return how many there are."""
+    constants = scene[0]
+    done = carry_out(hit, wish.face, path, period, scene)
+    flight = return_flight(done.ball_out, scene)
+    out[0:3] = done.off_centre / _CENTRING_M
+    out[3] = (done.ball_out[7] - wish.spin_y) / _SPIN_RAD_S
+    out[4] = done.ball_out[6] / _SIDE_SPIN_RAD_S
+    out[5] = done.ball_out[8] / _SIDE_SPIN_RAD_S
+    out[6] = (flight.landing_x - wish.landing_x) / _LANDING_DEPTH_M
+    out[7] = (flight.landing_y - wish.landing_y) / _LANDING_WIDTH_M
+    lowest = constants.net_top + constants.ball_radius + LOWEST_OVER_NET_M
+    # A ball that never gets over the net line is judged by its landing alone, which is smooth.
+    out[8] = max(lowest - flight.net_height, 0.0) / _CLEARANCE_M if flight.landing_x > 0.0 else 0.0
+    out[9] = max(flight.apex - HIGHEST_APEX_M, 0.0) / _APEX_M
+    out[10] = max(SLOWEST_APPROACH_M_S - done.approach, 0.0) / _APPROACH_M_S
+    out[11] = _excess(hit[0] - wish.time, -wish.time_slack, wish.time_slack) / _CENTRING_M
+    upright = np.sqrt(max(1.0 - done.normal[2] ** 2, 0.0))
+    lower_edge = done.ball_in[2] - constants.ball_radius * done.normal[2] - constants.blade_radius * upright
+    out[12] = _excess(lower_edge, constants.table_top + BLADE_OVER_TABLE_M, np.inf) / _HEIGHT_EXCESS_M
+    along = np.sum(done.paddle_turn * done.normal)
+    out[13:16] = (done.paddle_turn - along * done.normal) / _BLADE_TURN_RAD_S
+    place = 16
+    for joint in range(7):
+        angle, rate = hit[1 + joint], hit[8 + joint]
+        out[place] = _excess(rate, -wish.highest_rate, wish.highest_rate) / _RATE_EXCESS
+        out[place + 1] = rate / _RATE_EFFORT
+        out[place + 2] = _excess(angle, _LOWER[joint], _UPPER[joint]) / _ANGLE_EXCESS_RAD
+        out[place + 3] = (angle - wish.posture[joint]) * wish.posture_weight
+        out[place + 4] = (rate - wish.rates[joint]) * wish.rates_weight
+        place += 5
+    return place
+
+
+@njit(cache=True, nogil=True)
+def solve_hit(
+    start: Array, wish: HitWish, path: Array, period: float, scene: NDArray[np.void], steps: int
+) -> tuple[Array, float]:
+    """Best hit found from `start` (15,), and its cost (half the sum of squared residuals).
+
+    Parameters
+    ----------
+    wish
+        What is wanted.
+    path, period
+        Path of the ball from its launch, rows `period` s apart, shape (N, 9).
+    steps
+        Most Levenberg-Marquardt steps.
+    """
+    hit = start.copy()
+    residuals, probe = np.empty(_RESIDUALS), np.empty(_RESIDUALS)
+    count = hit_residuals(hit, wish, path, period, scene, residuals)
+    cost = 0.5 * np.sum(residuals[:count] ** 2)
+    slopes = np.empty((count, HIT_SIZE))
+    damping = 1e-3
+    for _ in range(steps):
+        for unknown in range(HIT_SIZE):
+            nudge = 1e-6
+            moved = hit.copy()
+            moved[unknown] += nudge
+            hit_residuals(moved, wish, path, period, scene, probe)
+            slopes[:, unknown] = (probe[:count] - residuals[:count]) / nudge
+        gradient = slopes.T @ residuals[:count]
+        curvature = slopes.T @ slopes
+        before = cost
+        for _ in range(8):
+            damped = curvature.copy()
+            for unknown in range(HIT_SIZE):
+                damped[unknown, unknown] += damping * (curvature[unknown, unknown] + 1e-6)
+            moved = hit - np.linalg.solve(damped, gradient)
+            hit_residuals(moved, wish, path, period, scene, probe)
+            attempt = 0.5 * np.sum(probe[:count] ** 2)
+            if attempt < cost:
+                hit, cost = moved, attempt
+                residuals[:count] = probe[:count]
+                damping = max(damping * 0.2, 1e-9)
+                break
+            damping *= 5.0
+        if before - cost <= 1e-6 * before + 1e-9:
+            break
+    return hit, cost

@@ -1,0 +1,149 @@
+"""Checkpoints: exact round trips, exact resumption, and refusal of what does not fit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from learning_problems import PointMass, point_demonstrations
+from msrd_ros.core.errors import UserError
+from msrd_ros.learning.checkpoints import export_policies, load_checkpoint, save_checkpoint
+from msrd_ros.learning.cloning import CloningConfig
+from msrd_ros.learning.config import MSRDConfig, ReplayConfig
+from msrd_ros.learning.layout import Layout
+from msrd_ros.learning.msrd import MSRD
+from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.policy import PolicySet
+from msrd_ros.learning.rollouts import BatchedCollector
+from msrd_ros.learning.trajectories import Demonstrations
+
+CONFIG = MSRDConfig(
+    sweeps=6,
+    replay=ReplayConfig(keep=32, replay_share=0.25, snapshot_share=0.25),
+    cloning=CloningConfig(steps=30, snapshots=(0, 10)),
+)
+
+
+def trainer(config: MSRDConfig = CONFIG, seed: int = 3, data: Demonstrations | None = None) -> MSRD:
+    return MSRD(config, data or point_demonstrations(), BatchedCollector(PointMass()), seed)
+
+
+def weights(found: MSRD) -> list[torch.Tensor]:
+    assert isinstance(found.policies, GaussianPolicies)
+    return [found.policies.flat(), *found.rewards.parameters(), *found.averaged_rewards.parameters()]
+
+
+def test_resumed_training_is_bit_for_bit_the_uninterrupted_one(tmp_path: Path) -> None:
+    whole = trainer()
+    whole.clone()
+    for sweep in range(4):
+        metrics = whole.sweep()
+        if sweep == 1:
+            save_checkpoint(tmp_path / "half.safetensors", whole, metrics)
+    resumed = trainer(seed=99)
+    load_checkpoint(tmp_path / "half.safetensors", resumed)
+    assert resumed.sweeps_done == 2
+    for _ in range(2):
+        resumed.sweep()
+    assert resumed.environment_steps == whole.environment_steps
+    for found, expected in zip(weights(resumed), weights(whole), strict=True):
+        assert torch.equal(found, expected)
+
+
+def test_checkpoint_is_also_a_policy_file(tmp_path: Path) -> None:
+    run = trainer()
+    run.clone()
+    save_checkpoint(tmp_path / "c.safetensors", run, {"reward": 1.5})
+    policies = PolicySet.load(tmp_path / "c.safetensors")
+    assert policies.layout == run.layout
+    assert policies.details["metrics"] == {"reward": 1.5}
+    observation = np.array([0.2, -0.1])
+    expected = run.policies.act(np.tile(observation, (3, 1, 1)))
+    for index, label in enumerate(run.layout.labels):
+        np.testing.assert_allclose(policies.policy(label).act(observation), expected[index, 0], atol=1e-6)
+    assert [path.name for path in tmp_path.iterdir()] == ["c.safetensors"]
+
+
+def test_policy_bytes_round_trip_and_digest() -> None:
+    run = trainer()
+    assert isinstance(run.policies, GaussianPolicies)
+    exported = export_policies(run.policies, run.layout, {"note": "x"})
+    back = PolicySet.from_bytes(exported.to_bytes(), "topic policy")
+    assert back.digest == exported.digest
+    assert back.details == {"note": "x"}
+    for name, value in exported.tensors.items():
+        assert np.array_equal(back.tensors[name], value)
+
+
+def test_layout_that_does_not_fit_is_refused_with_what_differs(tmp_path: Path) -> None:
+    run = trainer()
+    save_checkpoint(tmp_path / "c.safetensors", run)
+    found = PolicySet.load(tmp_path / "c.safetensors").layout
+    found.require(replace(run.layout, labels=run.layout.labels[:1]), "c")
+    with pytest.raises(UserError, match=r"c: does not fit.*lacks height.*has speed too many"):
+        found.require(replace(run.layout, observation_names=("position", "height")), "c")
+    with pytest.raises(UserError, match="another order"):
+        found.require(replace(run.layout, observation_names=("speed", "position")), "c")
+    with pytest.raises(UserError, match="actions: lacks pull"):
+        found.require(replace(run.layout, action_names=("pull",)), "c")
+    with pytest.raises(UserError, match=r"control period 0.02 s, wanted 0.01 s"):
+        found.require(replace(run.layout, control_period_s=0.01), "c")
+    with pytest.raises(UserError, match="no strategy smash"):
+        found.require(replace(run.layout, labels=("smash",)), "c")
+
+
+def test_trainer_of_another_kind_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.safetensors"
+    save_checkpoint(path, trainer())
+    with pytest.raises(UserError, match=r"discount 0.99 instead of 0.9"):
+        load_checkpoint(path, trainer(replace(CONFIG, discount=0.9)))
+    data = point_demonstrations()
+    layout = Layout(("position", "rate"), ("push",), data.layout.labels, 0.02)
+    other = trainer(data=Demonstrations(data.observations, data.actions, layout))
+    with pytest.raises(UserError, match="lacks rate"):
+        load_checkpoint(path, other)
+
+
+@pytest.mark.parametrize("damage", ["empty", "text", "truncated", "flipped", "foreign", "nan"])
+def test_damaged_files_are_refused_by_name(tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "c.safetensors"
+    run = trainer()
+    if damage == "nan":
+        assert isinstance(run.policies, GaussianPolicies)
+        run.policies.set_flat(run.policies.flat() * float("nan"))
+    save_checkpoint(path, run)
+    data = bytearray(path.read_bytes())
+    length = int.from_bytes(data[:8], "little")
+    if damage == "flipped":
+        header = json.loads(data[8 : 8 + length])
+        data[8 + length + header["policies/weight/0"]["data_offsets"][0]] ^= 1
+    content = {
+        "empty": b"",
+        "text": b"not a checkpoint, but long enough to look at",
+        "truncated": bytes(data[: len(data) // 2]),
+        "foreign": (2).to_bytes(8, "little") + b"{}",
+    }.get(damage, bytes(data))
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=r"c\.safetensors"):
+        PolicySet.load(path)
+
+
+def test_missing_file_and_unknown_label() -> None:
+    with pytest.raises(UserError, match="nowhere"):
+        PolicySet.load(Path("/nowhere/c.safetensors"))
+    run = trainer()
+    assert isinstance(run.policies, GaussianPolicies)
+    with pytest.raises(UserError, match="no policy for strategy 'smash'"):
+        export_policies(run.policies, run.layout).policy("smash")
+
+
+def test_unwritable_place_is_refused(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    with pytest.raises(UserError, match="cannot write"):
+        save_checkpoint(blocked / "c.safetensors", trainer())

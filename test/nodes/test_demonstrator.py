@@ -1,0 +1,68 @@
+"""Teaching by hand, recorded: what is heard live, read from disk and played again gives the same arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msrd_ros.bags.reader import Bag
+from msrd_ros.contract.episode import HORIZON, Episode
+from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.core.errors import UserError
+from msrd_ros.nodes.played_bags import PlayedBags
+from msrd_ros.recordings.episodes import read_episodes
+from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from stack import Stack
+
+pytestmark = pytest.mark.processes
+
+
+class Listener:
+    """What a trainer takes from the topics."""
+
+    def __init__(self, stack: Stack) -> None:
+        self.episodes: list[Episode] = []
+        self.refused: list[UserError] = []
+        self.inputs = PlayedBags(stack.node, self.episodes.append, self.refused.append)
+
+
+def test_live_disk_and_played_strokes_are_the_same_arrays(stack: Stack, tmp_path: Path) -> None:
+    live = Listener(stack)
+    simulator = stack.start_simulator(seed=5, show=False)
+    recorder = stack.start("recorder", directory=tmp_path)
+    demonstrator = stack.start("demonstrator", subjects=1, recordings=1, seed=1)
+    stack.wait_until(lambda: not demonstrator.running, "end of the study", 150.0, simulator)
+    assert demonstrator.wait() == 0, demonstrator.output
+    demonstrator.wait_for_line("recorded 6 of 6 strokes")
+    assert stack.diagnosed("simulator")["limits_exceeded"] == "0"
+    bags = BagLibrary.scan(tmp_path, strict=True).select()
+    assert sorted(str(bag.label) for bag in bags) == sorted(map(str, ALL_LABELS))
+    assert recorder.stop() == simulator.stop() == 0
+
+    from_disk = [episode for bag in bags for episode in read_episodes(Bag(bag.path))]
+    for episode in from_disk:
+        assert episode.observations.shape == (HORIZON + 1, 13)
+        assert np.all(np.abs(episode.joint_velocity) <= 1.01 * SPEED_LIMIT_RAD_S)
+        assert episode.outcome is not None
+        assert episode.outcome.returned
+
+    live.inputs.close()
+    played = Listener(stack)
+    player = stack.start("player", bags=f"[{tmp_path}]", rate=0.0)
+    stack.wait_until(lambda: not player.running, "end of the player", 60.0)
+    assert player.wait() == 0, player.output
+    stack.wait_until(lambda: len(played.episodes) >= len(from_disk), "played episodes")
+    assert played.inputs.lost == 0
+    assert played.refused == []
+    # The live listener also heard strokes that were returned but discarded, not being what was asked for.
+    for heard in (live.episodes, played.episodes):
+        for episode in from_disk:
+            (same,) = (
+                other
+                for other in heard
+                if other.label == episode.label and np.array_equal(other.observations, episode.observations)
+            )
+            np.testing.assert_array_equal(same.actions, episode.actions)

@@ -1,0 +1,323 @@
+"""The executor as a process against a made-up robot: what it plays, refuses, and when it stops."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PointStamped
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header, UInt8MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from made_up_policies import made_up_policies
+from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON
+from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.contract.translation import stamp_to_ns
+from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
+from msrd_ros.nodes.messages import bytes_to_message, command_from_message
+from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
+from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, JOINT_NAMES, SPEED_LIMIT_RAD_S
+from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
+from msrd_ros.table_tennis.strokes.player import StrokePlayer
+from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
+from processes import RunningProcess
+from stack import Stack, one_line
+
+pytestmark = pytest.mark.processes
+
+LABELS = ALL_LABELS[:2]
+ASK_AGAIN_S = 0.5
+PERIOD_NS = round(CONTROL_PERIOD_S * 1e9)
+RESTING = np.array([1.5, 0.0, 1.06])
+POLICIES = made_up_policies(LABELS)
+
+
+class Robot:
+    """Publishes ticks and follows the answers to the letter."""
+
+    def __init__(self, stack: Stack) -> None:
+        self.stack = stack
+        self.time_ns = 10**9
+        self.position = HOME_POSTURE_RAD.copy()
+        self.answers: list[JointTrajectory] = []
+        node = stack.node
+        self._states = node.create_publisher(JointState, "joint_states", STATE)
+        self._ball = node.create_publisher(PointStamped, "ball/position", STATE)
+        self._strategy = node.create_publisher(Header, "strategy", LATCHED)
+        self.policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
+        node.create_subscription(JointTrajectory, "joint_command", self.answers.append, COMMAND)
+        for publisher in (self._states, self._ball, self._strategy):
+            stack.wait_until(publisher.get_subscription_count, publisher.topic_name)
+        stack.wait_until(lambda: node.count_publishers("joint_command"), "joint_command")
+
+    def ask(self, label: object) -> None:
+        self._strategy.publish(Header(frame_id=str(label)))
+
+    def send_policies(self, data: bytes) -> None:
+        self.policy.publish(bytes_to_message(data))
+
+    def send(self, ball: np.ndarray = RESTING, ball_age_ns: int = 0, state: JointState | None = None) -> None:
+        """Publish one tick."""
+        sample = PointStamped()
+        sample.header.stamp = Time(nanoseconds=self.time_ns - ball_age_ns).to_msg()
+        sample.point.x, sample.point.y, sample.point.z = map(float, ball)
+        state = state or JointState(
+            name=list(JOINT_NAMES), position=self.position.tolist(), velocity=[0.0] * 7, effort=[0.0] * 7
+        )
+        state.header.stamp = Time(nanoseconds=self.time_ns).to_msg()
+        self._ball.publish(sample)
+        self._states.publish(state)
+
+    def tick(
+        self, ball: np.ndarray = RESTING, ball_age_ns: int = 0, state: JointState | None = None
+    ) -> tuple[np.ndarray, np.ndarray, str]:
+        """One tick and its answer: position, velocity, label."""
+        self.time_ns += PERIOD_NS
+        self.answers.clear()
+        asked_s = -1.0
+
+        def answered() -> bool:
+            nonlocal asked_s
+            if time.monotonic() - asked_s > ASK_AGAIN_S:
+                asked_s = time.monotonic()
+                self.send(ball, ball_age_ns, state)
+            return bool(self.answers) and stamp_to_ns(self.answers[-1].header.stamp) == self.time_ns
+
+        self.stack.wait_until(answered, "answer")
+        command = command_from_message(self.answers[-1])
+        assert command.period_s == CONTROL_PERIOD_S
+        self.position = command.position
+        return command.position, command.velocity, str(command.label or "")
+
+    def make_ready(self, label: object, pose: np.ndarray) -> None:
+        """Tick until the arm rests in a pose and serves a strategy."""
+        for _ in range(500):
+            position, velocity, served = self.tick()
+            if served == str(label) and np.array_equal(position, pose) and not velocity.any():
+                return
+        raise AssertionError(f"not ready for {label}")
+
+
+def flying(step: int) -> np.ndarray:
+    """The ball, `step` ticks after its launch."""
+    return RESTING + np.array([-0.1 * step, 0.002 * step, 0.01 * step])
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("policies") / "policies.safetensors"
+    path.write_bytes(POLICIES.to_bytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def executor(shared_stack: Stack, checkpoint: Path) -> RunningProcess:
+    process = shared_stack.start("executor", checkpoint=checkpoint)
+    process.wait_for_line(f"ready: lockstep, policies {POLICIES.digest}")
+    return process
+
+
+@pytest.fixture(scope="module")
+def robot(shared_stack: Stack, executor: RunningProcess) -> Robot:
+    one = Robot(shared_stack)
+    shared_stack.wait_until(one.policy.get_subscription_count, "policy")
+    return one
+
+
+def expected_stroke(
+    policies: StrokePolicies, label: object, ball_filter: BallFilter | None = None
+) -> list[np.ndarray]:
+    """The commanded positions of one stroke with the ball of `flying`, played in process."""
+    pose = policies.facts[label].ready_pose  # type: ignore[index]
+    player = StrokePlayer(pose)
+    player.prepare(policies.play(label, StrokeDraws.of(0, 0)), pose)  # type: ignore[arg-type]
+    commands = []
+    for step in range(-2, HORIZON):
+        ball, stamp_ns = flying(max(step, 0)), 10**9 + step * PERIOD_NS
+        if ball_filter is not None:
+            ball, stamp_ns = ball_filter.see(stamp_ns, stamp_ns, ball)
+        reference = player.tick(player.reference.position, ball, stamp_ns)
+        if step >= 0:
+            commands.append(reference.position)
+    return commands
+
+
+def play(robot: Robot, during: Callable[[int], None] = lambda _: None) -> list[np.ndarray]:
+    commands = []
+    for step in range(HORIZON):
+        during(step)
+        commands.append(robot.tick(flying(step))[0])
+    return commands
+
+
+def test_the_arm_is_brought_to_the_ready_pose_and_plays_as_in_process(robot: Robot) -> None:
+    label = LABELS[0]
+    robot.ask(label)
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+    np.testing.assert_array_equal(play(robot), expected_stroke(POLICIES, label))
+
+
+def test_a_tick_that_comes_again_gets_the_same_answer(robot: Robot) -> None:
+    robot.tick()
+    (first,) = robot.answers
+    robot.send()
+    robot.stack.wait_until(lambda: len(robot.answers) == 2, "the answer again")
+    assert robot.answers[1] == first
+
+
+def test_joints_come_in_any_order_among_others(robot: Robot) -> None:
+    before = robot.position
+    names = ["head_pan", *reversed(JOINT_NAMES)]
+    values = [9.0, *before[::-1].tolist()]
+    state = JointState(name=names, position=values, velocity=[0.0] * 8)
+    position, _, _ = robot.tick(state=state)
+    assert np.all(np.abs(position - before) <= SPEED_LIMIT_RAD_S * CONTROL_PERIOD_S)
+
+
+def test_joint_states_that_cannot_be_used_are_named_and_not_answered(
+    robot: Robot, executor: RunningProcess
+) -> None:
+    robot.time_ns += PERIOD_NS
+    robot.answers.clear()
+    broken = robot.position.copy()
+    broken[5] = np.nan
+    robot.send(state=JointState(name=list(JOINT_NAMES), position=broken.tolist(), velocity=[0.0] * 7))
+    executor.wait_for_line("topic joint_states: position of joint right_j5 is not finite; check the driver")
+    lacking = JointState(name=list(JOINT_NAMES[1:]), position=[0.0] * 6, velocity=[0.0] * 6)
+
+    def refused_by_name() -> bool:
+        # The log says a thing of one kind once a second.
+        robot.time_ns += PERIOD_NS
+        robot.send(state=lacking)
+        return "joint right_j0 is missing; publish all of right_j0..right_j6" in executor.output
+
+    robot.stack.wait_until(refused_by_name, "refusal")
+    assert robot.answers == []
+    robot.tick()
+
+
+def test_strategies_that_cannot_be_played_are_refused_and_the_present_one_stays(
+    robot: Robot, executor: RunningProcess
+) -> None:
+    label = LABELS[0]
+    robot.ask("forehand-lob")
+    executor.wait_for_line("topic strategy: unknown strategy label 'forehand-lob'; use one of forehand-push")
+    robot.ask(ALL_LABELS[4])
+
+    def refused() -> bool:
+        assert robot.tick()[2] == str(label)
+        return f"no policy for strategy {ALL_LABELS[4]}; the checkpoint has forehand-push" in executor.output
+
+    robot.stack.wait_until(refused, "refusal")
+
+
+def test_policies_are_exchanged_between_strokes_only(robot: Robot) -> None:
+    label = LABELS[1]
+    robot.ask(label)
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+    others = made_up_policies(LABELS, seed=1)
+
+    def exchange(step: int) -> None:
+        if step == 10:
+            robot.send_policies(others.to_bytes())
+
+    np.testing.assert_array_equal(play(robot, exchange), expected_stroke(POLICIES, label))
+    robot.make_ready(label, others.facts[label].ready_pose)
+    assert robot.stack.diagnosed("executor")["policies"] == others.digest
+    played = play(robot)
+    np.testing.assert_array_equal(played, expected_stroke(others, label))
+    assert np.abs(np.subtract(played, expected_stroke(POLICIES, label))).max() > 0.01
+
+
+def test_unusable_policies_are_refused_and_the_present_ones_stay(
+    robot: Robot, executor: RunningProcess
+) -> None:
+    before = robot.stack.diagnosed("executor")["policies"]
+    robot.send_policies(b"\x80\x04K\x01.")
+    executor.wait_for_line("topic policy: not a checkpoint of msrd_ros; give one that the trainer wrote")
+    refused = int(robot.stack.diagnosed("executor")["refused"])
+    robot.policy.publish(UInt8MultiArray(data=POLICIES.to_bytes()))
+    robot.stack.wait_until(
+        lambda: int(robot.stack.diagnosed("executor")["refused"]) == refused + 1, "refusal"
+    )
+    robot.tick()
+    assert robot.stack.diagnosed("executor")["policies"] == before
+
+
+def test_disabled_it_holds_still(robot: Robot) -> None:
+    label = LABELS[0]
+    robot.ask(label)
+    assert robot.stack.set("executor/enable", False).success
+    held = robot.tick()[0]
+    for _ in range(20):
+        position, velocity, _ = robot.tick()
+    assert not velocity.any()
+    assert np.abs(position - held).max() < 0.05
+    assert robot.stack.set("executor/enable", True).success
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+
+
+def test_policies_may_see_a_fit_of_the_flight_instead_of_samples(stack: Stack, checkpoint: Path) -> None:
+    process = stack.start("executor", checkpoint=checkpoint, estimate_ball=True, camera_noise_m=0.003)
+    process.wait_for_line("ready: lockstep")
+    label, robot = LABELS[0], Robot(stack)
+    robot.ask(label)
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+    robot.tick()
+    played = play(robot)
+    expected = expected_stroke(POLICIES, label, BallFilter(0.003))
+    np.testing.assert_allclose(played, expected, atol=1e-6)
+    assert np.abs(np.subtract(expected, expected_stroke(POLICIES, label))).max() > 1e-4
+
+
+def test_a_second_executor_ends_with_a_clear_line(
+    shared_stack: Stack, robot: Robot, checkpoint: Path
+) -> None:
+    second = shared_stack.start("executor", checkpoint=checkpoint)
+    line = one_line(second, "executor")
+    assert "another node already commands /joint_command (" in line
+    assert "stop it first, or start this executor in a namespace of its own" in line
+    # The first plays on.
+    robot.tick()
+
+
+def test_in_real_time_stale_inputs_bring_the_arm_to_rest(stack: Stack, checkpoint: Path) -> None:
+    process = stack.start("executor", checkpoint=checkpoint, mode="real_time", accept_policy=False)
+    process.wait_for_line("ready: real_time")
+    label, robot = LABELS[0], Robot(stack)
+    assert robot.policy.get_subscription_count() == 0
+    robot.ask(label)
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+    # The camera falls silent in the middle of a stroke: the joints come to rest within their limits.
+    last = 20
+    for step in range(last + 1):
+        _, before, _ = robot.tick(flying(step))
+    assert np.abs(before).max() > 0.05
+    for late in range(1, ACTING_STEPS - last):
+        _, velocity, _ = robot.tick(flying(last), ball_age_ns=late * PERIOD_NS)
+        change = np.abs(velocity - before)
+        assert np.all(change <= ACCELERATION_LIMIT_RAD_S2 * CONTROL_PERIOD_S + 1e-9)
+        if late * PERIOD_NS > 0.15e9:
+            assert np.all(np.abs(velocity) <= np.abs(before) + 1e-12)
+        before = velocity
+    assert not before.any()
+    assert int(stack.diagnosed("executor")["stops"]) > 0
+
+    # The joint states fall silent on the way to the next ready pose: the same, from the executor's own clock.
+    robot.ask(LABELS[1])
+    robot.position = robot.position + 0.1
+    for _ in range(200):
+        velocity = robot.tick()[1]
+        if np.abs(velocity).max() > 0.3:
+            break
+    heard = len(robot.answers)
+    stack.wait_until(lambda: not np.any(robot.answers[-1].points[0].velocities), "rest")
+    velocities = np.array([velocity, *(answer.points[0].velocities for answer in robot.answers[heard:])])
+    assert len(velocities) > 1
+    assert np.all(np.abs(np.diff(velocities, axis=0)) <= ACCELERATION_LIMIT_RAD_S2 * CONTROL_PERIOD_S + 1e-9)
+    assert np.all(np.diff(np.abs(velocities), axis=0) <= 1e-12)

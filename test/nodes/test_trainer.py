@@ -1,0 +1,102 @@
+"""The trainer as a process: from a folder of bags, resumed exactly, its services, the policies it sends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import UInt8MultiArray
+
+from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.nodes.common import EVENT, LATCHED
+from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from processes import RunningProcess
+from stack import Stack
+
+pytestmark = pytest.mark.processes
+
+LABELS = ALL_LABELS[:2]
+SWEEPS = 8
+TINY: dict[str, Any] = {
+    "labels": f"[{', '.join(map(str, LABELS))}]",
+    "subjects": "[subject_01]",
+    "episodes": 8,
+    "rehearse_every": 1,
+    "rehearse_balls": 4,
+    "workers": 1,
+    "torch_threads": 1,
+}
+
+
+def finish(trainer: RunningProcess, out: Path) -> StrokePolicies:
+    """Wait for the end of training; what it wrote."""
+    assert trainer.wait(200.0) == 0, trainer.output
+    trainer.wait_for_line(f"policies written to {out / 'policies.safetensors'}")
+    return StrokePolicies.load(out / "policies.safetensors")
+
+
+def test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor(
+    stack: Stack, tmp_path: Path
+) -> None:
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    progress: list[DiagnosticArray] = []
+    sent: list[UInt8MultiArray] = []
+    stack.node.create_subscription(DiagnosticArray, "training/progress", progress.append, EVENT)
+    stack.node.create_subscription(UInt8MultiArray, "policy", sent.append, LATCHED)
+    whole_run = stack.start("trainer", **TINY, out=whole, sweeps=SWEEPS)
+    stack.wait_until(lambda: sent and progress, "policies and progress", 200.0, whole_run)
+    expected = finish(whole_run, whole)
+    assert expected.labels == LABELS
+    assert [status.name for status in progress[0].status] == ["trainer"]
+    result = json.loads((whole / "training.json").read_text())
+    assert result["sweeps"] == SWEEPS
+    assert result["demonstrations"] == {str(label): 3 for label in LABELS}
+    assert [row["sweep"] for row in result["curve"]] == list(range(SWEEPS + 1))
+    assert list((whole / "tensorboard").iterdir())
+
+    interrupted = stack.start("trainer", **TINY, out=parts, sweeps=SWEEPS)
+    assert stack.trigger("trainer/checkpoint").success
+    stack.wait_until((parts / "checkpoint.safetensors").exists, "checkpoint", 200.0, interrupted)
+    assert stack.trigger("trainer/stop").success
+    finish(interrupted, parts)
+    done = json.loads((parts / "training.json").read_text())["sweeps"]
+    assert 0 < done < SWEEPS
+
+    executor = stack.start("executor")
+    executor.wait_for_line("ready: lockstep, no policies yet")
+    stack.start_simulator(show=False)
+    resumed = stack.start("trainer", **TINY, out=parts, sweeps=SWEEPS, resume=True)
+    resumed.wait_for_line(f"goes on from sweep {done} of {parts}", 200.0)
+    assert finish(resumed, parts).digest == expected.digest
+    # Published last, while training still ran: the policies that were written.
+    stack.wait_until(
+        lambda: stack.diagnosed("executor")["policies"] == expected.digest, "policies", 60.0, executor
+    )
+
+
+def test_services_checkpoint_and_stop(stack: Stack, tmp_path: Path) -> None:
+    quick = {**TINY, "rehearse_every": 0}
+    trainer = stack.start("trainer", **quick, out=tmp_path, sweeps=100_000, checkpoint_every=0)
+    assert stack.trigger("trainer/checkpoint").success
+    again = stack.trigger("trainer/start")
+    assert not again.success
+    assert again.message == "training is under way"
+    path = tmp_path / "checkpoint.safetensors"
+    stack.wait_until(path.exists, "checkpoint", 120.0, trainer)
+    assert trainer.running
+    assert stack.trigger("trainer/stop").success
+    policies = finish(trainer, tmp_path)
+    assert policies.labels == LABELS
+    assert 0 < json.loads((tmp_path / "training.json").read_text())["sweeps"] < 100_000
+
+
+def test_without_demonstrations_there_is_nothing_to_start(stack: Stack, tmp_path: Path) -> None:
+    trainer = stack.start("trainer", source="played", out=tmp_path)
+    refused = stack.trigger("trainer/start")
+    assert not refused.success
+    assert refused.message == "no demonstration has arrived yet; play some bags"
+    assert not stack.trigger("trainer/checkpoint").success
+    assert trainer.stop() == 0

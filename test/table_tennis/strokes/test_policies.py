@@ -1,0 +1,109 @@
+"""Policy files of strokes: they read back exactly, and what the executor cannot play is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from made_up_policies import made_up_policies, with_columns
+from msrd_ros.contract.episode import ACTION_NAMES, OBSERVATION_NAMES
+from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.core.errors import UserError
+from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokeFacts, StrokePolicies
+
+
+def test_a_file_reads_back_exactly(tmp_path: Path) -> None:
+    policies = replace(made_up_policies(ALL_LABELS[:2]), exploration_seed=5, ready_noise_rad=0.02)
+    unknown = StrokeFacts(policies.facts[ALL_LABELS[0]].ready_pose, np.full(2, np.nan))
+    policies = replace(policies, facts={**policies.facts, ALL_LABELS[0]: unknown})
+    path = tmp_path / "policies.safetensors"
+    path.write_bytes(policies.to_bytes())
+    read = StrokePolicies.load(path)
+    assert (read.labels, read.digest) == (ALL_LABELS[:2], policies.digest)
+    assert (read.exploration_seed, read.ready_noise_rad) == (5, 0.02)
+    for label in read.labels:
+        np.testing.assert_array_equal(read.facts[label].ready_pose, policies.facts[label].ready_pose)
+        np.testing.assert_array_equal(read.facts[label].landing_point, policies.facts[label].landing_point)
+    assert read.to_bytes() == policies.to_bytes()
+
+
+def test_draws_are_the_strokes_own_and_means_take_none() -> None:
+    policies = made_up_policies()
+    label, seen = ALL_LABELS[3], np.linspace(-1.0, 1.0, 13)
+    draws = StrokeDraws.of(7, 2)
+    mean = policies.play(label, draws)
+    np.testing.assert_array_equal(mean(seen), mean(seen))
+    exploring = replace(policies, exploration_seed=7).play(label, draws)
+    deviation = np.exp(policies.policies.policy(str(label)).log_std)
+    for step in range(3):
+        np.testing.assert_allclose(exploring(seen) - mean(seen), deviation * draws.action[step], atol=1e-6)
+    np.testing.assert_array_equal(StrokeDraws.of(7, 2).action, draws.action)
+    assert not np.array_equal(StrokeDraws.of(7, 3).ready, draws.ready)
+    assert not np.array_equal(StrokeDraws.of(8, 2).ready, draws.ready)
+
+
+def test_the_digest_tells_policies_and_their_explorations_apart() -> None:
+    policies = made_up_policies()
+    found = {
+        policies.digest,
+        made_up_policies(seed=1).digest,
+        replace(policies, exploration_seed=1).digest,
+        replace(policies, exploration_seed=2).digest,
+    }
+    assert len(found) == 4
+    assert made_up_policies().digest == policies.digest
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (
+            {"observation_names": (*OBSERVATION_NAMES[:12], "wind")},
+            "observations: lacks ball_velocity_z_m_s and has wind too many",
+        ),
+        ({"action_names": tuple(reversed(ACTION_NAMES))}, "actions: same columns in another order"),
+        ({"control_period_s": 0.01}, "control period 0.01 s, wanted 0.02 s"),
+        ({"labels": ("forehand-push", "forehand-lob")}, "unknown strategy label 'forehand-lob'"),
+    ],
+)
+def test_another_layout_is_refused_with_what_differs(columns: dict[str, Any], words: str) -> None:
+    policies = with_columns(made_up_policies(ALL_LABELS[:2]), **columns)
+    with pytest.raises(UserError) as raised:
+        StrokePolicies.from_bytes(policies.to_bytes(), "old.safetensors")
+    assert str(raised.value).startswith("old.safetensors: ")
+    assert words in str(raised.value)
+
+
+def test_ready_poses_are_needed_and_must_be_reachable() -> None:
+    policies = made_up_policies(ALL_LABELS[:2])
+    with pytest.raises(
+        UserError, match="x: has no ready poses; give a policies file that the trainer node wrote"
+    ):
+        StrokePolicies.from_bytes(policies.policies.to_bytes(), "x")
+    one = replace(policies, facts={ALL_LABELS[0]: policies.facts[ALL_LABELS[0]]})
+    with pytest.raises(UserError, match="x: the ready pose of forehand-slice is missing"):
+        StrokePolicies.from_bytes(one.to_bytes(), "x")
+    pose = np.zeros(7)
+    for value in (3.3, np.nan):
+        pose[5] = value
+        facts = {**policies.facts, ALL_LABELS[1]: StrokeFacts(pose, np.zeros(2))}
+        with pytest.raises(
+            UserError, match="ready pose of forehand-slice: joint right_j5 is out of its limits"
+        ):
+            StrokePolicies.from_bytes(replace(policies, facts=facts).to_bytes(), "x")
+
+
+def test_a_strategy_or_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(
+        UserError, match="no policy for strategy backhand-push; the checkpoint has forehand-push"
+    ):
+        made_up_policies(ALL_LABELS[:1]).require(ALL_LABELS[3])
+    with pytest.raises(UserError, match=r"gone\.safetensors: cannot read the checkpoint \(No such file"):
+        StrokePolicies.load(tmp_path / "gone.safetensors")
+    (tmp_path / "pickle.safetensors").write_bytes(b"\x80\x04K\x01.")
+    with pytest.raises(UserError, match=r"pickle\.safetensors: not a checkpoint of msrd_ros"):
+        StrokePolicies.load(tmp_path / "pickle.safetensors")
