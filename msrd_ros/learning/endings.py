@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.trajectories import Rollouts, Transitions
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msrd_ros.facts.errors import UserError
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.method import Method
 from msrd_ros.learning.methods.airl import Airl, AirlEach, AirlEachCross
 from msrd_ros.learning.methods.cloning import Cloning
