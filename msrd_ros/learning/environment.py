@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.learning.action_scale import ActionScale
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts
@@ -39,6 +40,8 @@ class GymEnvironment:
         have to be the demonstrations'.
     restarts
         Whether an episode that ended starts again in the next step instead of staying where it ended.
+    scale
+        How the environment's actions follow from those that it is given; None: they are the same.
 
     Raises
     ------
@@ -54,15 +57,19 @@ class GymEnvironment:
         observation_names: Sequence[str] = (),
         action_names: Sequence[str] = (),
         restarts: bool = False,
+        scale: ActionScale | None = None,
     ) -> None:
         from gymnasium import spaces
 
+        self._scale = scale
         self._make = _maker(make)
         first = self._make()
         self._copies = [first]
         self._space = first.observation_space
         if not isinstance(first.action_space, spaces.Box):
-            raise UserError(f"environment {first}: actions are {first.action_space}; only a Box can be learned")
+            raise UserError(
+                f"environment {first}: actions {first.action_space} are no Box, which all methods need"
+            )
         if not self._space.is_np_flattenable:
             raise UserError(f"environment {first}: observations {self._space} are no array of numbers")
         self._action_space = first.action_space
@@ -81,7 +88,7 @@ class GymEnvironment:
         self.time_limit = first.spec.max_episode_steps if first.spec is not None else None
         steps = horizon or self.time_limit
         if steps is None:
-            raise UserError(f"environment {first} has no time limit; say how long an episode is with horizon=")
+            raise UserError(f"environment {first} has no time limit; say how long episodes are with horizon=")
         self.horizon = self.acting_steps = steps
         self._restarts = restarts
         self._shape = (0, 0)
@@ -89,18 +96,13 @@ class GymEnvironment:
     @property
     def action_bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest actions, ``[A]`` each; infinite where there is no bound."""
-        return self._action_space.low.ravel().astype(np.float64), self._action_space.high.ravel().astype(
-            np.float64
-        )
+        space = self._action_space
+        return space.low.ravel().astype(np.float64), space.high.ravel().astype(np.float64)
 
-    def with_horizon(self, horizon: int, restarts: bool = False) -> GymEnvironment:
-        """The same environment with episodes of so many steps."""
+    def copy(self, restarts: bool = False, scale: ActionScale | None = None) -> GymEnvironment:
+        """The same environment, with actions in other units if `scale` is given."""
         return GymEnvironment(
-            self._make,
-            horizon,
-            self.observation_names if self.named[0] else (),
-            self.action_names if self.named[1] else (),
-            restarts,
+            self._make, self.horizon, self.observation_names, self.action_names, restarts, scale
         )
 
     def reset(self, strategies: int, episodes: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -121,6 +123,8 @@ class GymEnvironment:
     def step(self, action: NDArray[np.floating]) -> NDArray[np.float32]:
         """Apply ``action [S, K, A]``, clipped to the environment's bounds, to every episode that goes on."""
         space = self._action_space
+        if self._scale is not None:
+            action = self._scale.from_unit(action)
         given = np.asarray(action, dtype=space.dtype).reshape(-1, *space.shape).clip(space.low, space.high)
         for index in np.flatnonzero(self._going):
             if self._ended[index]:

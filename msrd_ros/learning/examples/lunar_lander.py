@@ -87,9 +87,12 @@ def train_landers(seed: int) -> GaussianPolicies:
             parameters = torch.where(better[:, None], policies.flat(), parameters)
             best = np.maximum(best, score)
             returns = played.environment_reward.sum(axis=-1).mean(axis=-1)
-            print(f"update {update}: returns {returns.round()}, scores {score.round(1)}, "
-                  f"steps {played.acting.mean(axis=-1)}, std {policies.log_std.exp().detach().numpy().ravel().round(2)}, "
-                  f"{training.environment_steps} steps, {metrics['seconds']:.1f} s", flush=True)
+            print(
+                f"update {update}: returns {returns.round()}, scores {score.round(1)}, "
+                f"steps {played.acting.mean(axis=-1)}, std {policies.log_std.exp().detach().numpy().ravel().round(2)}, "
+                f"{training.environment_steps} steps, {metrics['seconds']:.1f} s",
+                flush=True,
+            )
     policies.set_flat(parameters)
     return policies
 
