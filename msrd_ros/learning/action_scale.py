@@ -25,7 +25,7 @@ class ActionScale:
     def of(
         cls, low: NDArray[np.float64], high: NDArray[np.float64], actions: NDArray[np.floating]
     ) -> ActionScale:
-        """By the bounds ``[A]``; where there are none, by the largest of the demonstrated ``actions [N, A]``."""
+        """By the bounds ``[A]``; where there are none, by the largest of demonstrated ``actions [N, A]``."""
         bounded = np.isfinite(low) & np.isfinite(high)
         largest = np.maximum(np.abs(actions).max(axis=0), 1e-6)
         with np.errstate(invalid="ignore"):

@@ -152,7 +152,7 @@ def _require_labels(labels: Sequence[str]) -> None:
     for label in dict.fromkeys(labels):
         if list(labels).count(label) == 1:
             warnings.warn(
-                f"strategy {label!r} has one demonstration only: what is chance in it will be learned as style",
+                f"strategy {label!r} has one demonstration only: chance in it will be learned as style",
                 stacklevel=3,
             )
     if len(set(labels)) == 1:
@@ -257,7 +257,8 @@ def _info_label(episode: Any, key: str) -> str:
     if key not in infos:
         known = ", ".join(infos) or "none"
         raise UserError(
-            f"episode {episode.id}: no label {key!r} in its infos (there: {known}); say label=KEY or a function"
+            f"episode {episode.id}: no label {key!r} in its infos (there: {known}); say label=KEY or a "
+            "function"
         )
     value = np.ravel(np.asarray(infos[key]))[0]
     return value.decode() if isinstance(value, bytes) else str(value)

@@ -44,7 +44,7 @@ def only_valid(transitions: Transitions, lengths: NDArray[np.integer] | None) ->
 
 
 def acting_rows(rollouts: Rollouts) -> Callable[[Tensor], Tensor]:
-    """Chooses those of ``[S, K * T_act, ...]`` in which a policy acted, ``[S, N, ...]``; see `filled_rows`."""
+    """Chooses the rows of ``[S, K * T_act, ...]`` in which a policy acted, ``[S, N, ...]``."""
     if rollouts.acting is None:
         return lambda values: values
     rows = filled_rows(rollouts.acting, rollouts.actions.shape[2])
@@ -58,9 +58,9 @@ def hold_endings(
     """Rewards ``[S, K, T]`` and values ``[S, K, T + 1]`` that are right behind the episodes' ends as well.
 
     Where an episode has ended, every further step pays what the first one pays, r: the state is worth
-    ``r (1 - gamma^m) / (1 - gamma)`` with m steps to go, without end if it `goes_on` behind the horizon. Where
-    it was cut off, the value v of the last valid state is kept, by a reward of ``(1 - gamma) v``. Either way
-    the temporal differences behind the end are zero, so that nothing leaks into the advantages.
+    ``r (1 - gamma^m) / (1 - gamma)`` with m steps to go, without end if it `goes_on` behind the horizon.
+    Where it was cut off, the value v of the last valid state is kept, by a reward of ``(1 - gamma) v``.
+    Either way the temporal differences behind the end are zero, so that nothing leaks into the advantages.
     """
     if rollouts.acting is None:
         return reward, values
@@ -78,8 +78,8 @@ def hold_endings(
     return torch.where(steps[:-1] >= last, paid, reward), values
 
 
-def require_finite(rollouts: Rollouts, layout: Layout) -> None:
-    """Refuse rollouts with numbers that are not finite, before anything learns from them.
+def require_usable(rollouts: Rollouts, layout: Layout) -> None:
+    """Refuse rollouts of other columns or with numbers that are not finite, before anything learns from them.
 
     Raises
     ------
@@ -90,6 +90,8 @@ def require_finite(rollouts: Rollouts, layout: Layout) -> None:
         ("action", layout.action_names, rollouts.actions),
         ("observation", layout.observation_names, rollouts.observations),
     ):
+        if values.shape[-1] != len(names):
+            raise UserError(f"rollouts: {values.shape[-1]} {kind} columns instead of {', '.join(names)}")
         bad = ~np.isfinite(values)
         if bad.any():
             strategy, episode, step, column = (int(index) for index in np.argwhere(bad)[0])

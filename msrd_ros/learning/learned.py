@@ -15,7 +15,7 @@ from safetensors.torch import save as save_tensors
 from torch import Tensor
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.checkpoints import write_atomically
+from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policy import PREFIX, Policy, PolicySet, make_header

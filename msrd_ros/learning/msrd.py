@@ -16,7 +16,7 @@ from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
 from msrd_ros.learning.config import MSRDConfig, PolicyReward, ReplayConfig
-from msrd_ros.learning.endings import only_valid, require_finite
+from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.replay import DemonstrationPool, Replay
@@ -236,7 +236,7 @@ class MSRD:
 
     def _collect(self, episodes: int, collector: Collector) -> Rollouts:
         rollouts = collector.collect(self.policies, episodes, self._rng)
-        require_finite(rollouts, self.layout)
+        require_usable(rollouts, self.layout)
         self.environment_steps += rollouts.played_steps
         return rollouts
 

@@ -85,8 +85,8 @@ def find_place(environment: Any, demonstrations: Demonstrations) -> Place:
             isinstance(environment, str) or callable(environment) or hasattr(environment, "action_space")
         ):
             raise UserError(
-                f"environment: {type(environment).__name__} is none; give the id of a Gymnasium environment, an "
-                "environment or a function that makes one"
+                f"environment: {type(environment).__name__} is none; give the id of a Gymnasium environment, "
+                "an environment or a function that makes one"
             )
         environment = GymEnvironment(environment, demonstrations.horizon)
     return _gym_place(environment, demonstrations)
@@ -150,8 +150,8 @@ def _warn_of_other_starts(environment: GymEnvironment, demonstrations: Demonstra
     for column in np.flatnonzero(far):
         warnings.warn(
             f"column {demonstrations.layout.observation_names[column]!r} begins at "
-            f"{first[:, column].mean():.3g} in the demonstrations and at {begun[:, column].mean():.3g} in the "
-            "environment: are the columns in another order or unit, or is it another task?",
+            f"{first[:, column].mean():.3g} in the demonstrations and at {begun[:, column].mean():.3g} in "
+            "the environment: are the columns in another order or unit, or is it another task?",
             stacklevel=5,
         )
 
@@ -164,7 +164,7 @@ def _warn_of_bounds(
     for column in np.flatnonzero(beyond):
         reach = acted[np.abs(acted[:, column]).argmax(), column]
         warnings.warn(
-            f"action {layout.action_names[column]!r} reaches {reach:.3g} in the demonstrations; the environment "
-            f"clips it to {low[column]:.3g} .. {high[column]:.3g}: is it in another unit?",
+            f"action {layout.action_names[column]!r} reaches {reach:.3g} in the demonstrations; the "
+            f"environment clips it to {low[column]:.3g} .. {high[column]:.3g}: is it in another unit?",
             stacklevel=5,
         )

@@ -21,7 +21,7 @@ def play(
         observation, _ = played.reset(seed=seed + episode)
         total, over = 0.0, False
         while not over:
-            action = policy.act(gymnasium.spaces.flatten(observed, observation))
+            action = policy.act(np.asarray(gymnasium.spaces.flatten(observed, observation)))
             if isinstance(acts, gymnasium.spaces.Box):
                 action = np.clip(action.reshape(acts.shape), acts.low, acts.high).astype(acts.dtype)
             observation, reward, terminated, truncated, _ = played.step(action)

@@ -58,7 +58,7 @@ class LearnedReward(gymnasium.Wrapper[Any, Any, Any, Any]):
         """As the environment's own, but for the reward."""
         observation, paid, terminated, truncated, info = self.env.step(action)
         space = self.env.observation_space
-        state = gymnasium.spaces.flatten(space, observation)
+        state = np.asarray(gymnasium.spaces.flatten(space, observation))
         reward = float(self._learned.reward(self._name, state, self._alpha, np.ravel(action)))
         if terminated:
             reward /= 1.0 - self._discount

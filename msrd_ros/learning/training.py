@@ -66,12 +66,15 @@ def train(
     if labels != "given":
         raise UserError(f"labels={labels!r}: only 'given' exists today; label every demonstration")
     chosen = find_method(method)
+    settings = config or default_config()
     place = find_place(environment, demonstrations)
+    if settings.cloning.restarts and place.restarting is None:
+        raise UserError("cloning.restarts: only Gymnasium environments start again; leave it empty")
     scale = place.scale
     scaled = (
         replace(demonstrations, actions=scale.to_unit(demonstrations.actions)) if scale else demonstrations
     )
-    problem = Problem(config or default_config(), scaled, place.collector, seed, restarting=place.restarting)
+    problem = Problem(settings, scaled, place.collector, seed, restarting=place.restarting)
     learner = chosen.start(problem)
     _run(learner, place, chosen, progress)
     details = {
