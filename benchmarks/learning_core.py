@@ -1,6 +1,7 @@
-"""How long one MSRD sweep takes, and what stepping all strategies in one tensor saves.
+"""How long one MSRD iteration takes, and what stepping all strategies in one tensor saves.
 
-Run from the repository: ``python benchmarks/learning_core.py [--strategies 20] [--sweeps 10] [--threads 1]``.
+Run from the repository:
+``python benchmarks/learning_core.py [--strategies 20] [--iterations 10] [--threads 1]``.
 "Batched" is one trainer for all strategies; "looped" is the same work done strategy by strategy.
 """
 
@@ -17,9 +18,9 @@ import torch
 
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.presets import inverted_pendulum
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum
 
 PARTS = {
     "rollouts": ("rollouts.py", "collect"),
@@ -54,23 +55,23 @@ def demonstrations(strategies: int) -> Demonstrations:
     return Demonstrations(observations, rng.normal(size=(strategies, 20, 250, 1)), layout)
 
 
-def measure(trainers: list[MSRD], sweeps: int) -> dict[str, float]:
-    """Seconds per sweep of all trainers together, in whole and by part."""
+def measure(trainers: list[MSRD], iterations: int) -> dict[str, float]:
+    """Seconds per iteration of all trainers together, in whole and by part."""
     for trainer in trainers:
-        trainer.sweep()
+        trainer.iterate()
     start = time.perf_counter()
     for trainer in trainers:
-        for _ in range(sweeps):
-            trainer.sweep()
-    return {"sweep": (time.perf_counter() - start) / sweeps, **seconds_of_parts(trainers)}
+        for _ in range(iterations):
+            trainer.iterate()
+    return {"iteration": (time.perf_counter() - start) / iterations, **seconds_of_parts(trainers)}
 
 
 def seconds_of_parts(trainers: list[MSRD]) -> dict[str, float]:
-    """Seconds of one more sweep of all trainers together, by part."""
+    """Seconds of one more iteration of all trainers together, by part."""
     profile = cProfile.Profile()
     profile.enable()
     for trainer in trainers:
-        trainer.sweep()
+        trainer.iterate()
     profile.disable()
     rows = pstats.Stats(profile).stats  # type: ignore[attr-defined]
     seconds = {}
@@ -85,22 +86,22 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--strategies", type=int, default=20)
-    parser.add_argument("--sweeps", type=int, default=10)
+    parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
-    config = replace(inverted_pendulum(), sweeps=options.sweeps + 2)
+    config = replace(inverted_pendulum(), iterations=options.iterations + 2)
     collector = BatchedCollector(Drift())
-    batched = measure([MSRD(config, demonstrations(options.strategies), collector, 0)], options.sweeps)
+    batched = measure([MSRD(config, demonstrations(options.strategies), collector, 0)], options.iterations)
     alone = [MSRD(config, demonstrations(1), BatchedCollector(Drift()), i) for i in range(options.strategies)]
-    looped = measure(alone, options.sweeps)
+    looped = measure(alone, options.iterations)
     steps = options.strategies * config.episodes * Drift.horizon
-    print(f"{options.strategies} strategies, {steps} steps a sweep, {options.threads} thread(s)")
+    print(f"{options.strategies} strategies, {steps} steps an iteration, {options.threads} thread(s)")
     print(f"{'milliseconds':<16}{'batched':>10}{'looped':>10}{'ratio':>8}")
     for part in batched:
         ratio = looped[part] / batched[part]
         print(f"{part:<16}{1e3 * batched[part]:>10.1f}{1e3 * looped[part]:>10.1f}{ratio:>8.1f}")
-    print(f"{steps / batched['sweep']:.0f} environment steps a second, learning included")
+    print(f"{steps / batched['iteration']:.0f} environment steps a second, learning included")
 
 
 if __name__ == "__main__":

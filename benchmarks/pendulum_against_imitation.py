@@ -55,7 +55,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--imitation-python", default=None)
     parser.add_argument("--steps", type=int, default=1_000_000)
-    parser.add_argument("--every", type=int, default=5, help="sweeps between two looks at the correlation")
+    parser.add_argument(
+        "--every", type=int, default=5, help="iterations between two looks at the correlation"
+    )
     options = parser.parse_args()
     torch.set_num_threads(1)
     demonstrators = cached_demonstrators(Kind.DIAYN)
@@ -70,8 +72,8 @@ def main() -> None:
         paused = 0.0
         trainer.clone()
         while trainer.environment_steps < options.steps:
-            trainer.sweep()
-            if trainer.sweeps_done % options.every == 0 or trainer.environment_steps >= options.steps:
+            trainer.iterate()
+            if trainer.iterations_done % options.every == 0 or trainer.environment_steps >= options.steps:
                 now = time.perf_counter()
                 estimate = from_rewards(PENDULUM, RewardEnsemble([trainer.averaged_rewards]), 0.0, 0)
                 assert estimate.task is not None

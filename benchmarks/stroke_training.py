@@ -1,6 +1,7 @@
-"""What each part of the table tennis recipe brings, and where the time of a sweep goes.
+"""What each part of the table tennis recipe brings, and where the time of an iteration goes.
 
-Run from the repository: ``python benchmarks/stroke_training.py [--sweeps 40] [--seeds 2] [--only NAME ...]``.
+Run from the repository:
+``python benchmarks/stroke_training.py [--iterations 40] [--seeds 2] [--only NAME ...]``.
 Every row is the recipe with one thing changed, trained on the bags that the package ships. "Returned" is the
 mean and the worst stroke of the mean policies over 400 balls a stroke in the batched simulator, start
 postures scattered by 0.03 rad, on seeds that training does not draw from.
@@ -79,12 +80,12 @@ VARIANTS = {
 
 
 def train(
-    variant: Variant, seed: int, sweeps: int
+    variant: Variant, seed: int, iterations: int
 ) -> tuple[list[tuple[float, np.ndarray]], dict[str, float]]:
-    """Seconds and returned shares by stroke every few sweeps, and milliseconds of a sweep by part."""
+    """Seconds and returned shares by stroke every few iterations, and milliseconds an iteration by part."""
     episodes = load_episodes(shipped_bags(), lambda line: None)
     noise_rad = 0.03 if variant.scattered else 0.0
-    settings = StrokeTrainingConfig(sweeps=sweeps, seed=9100 + seed, ready_noise_rad=noise_rad)
+    settings = StrokeTrainingConfig(iterations=iterations, seed=9100 + seed, ready_noise_rad=noise_rad)
     training = StrokeTraining(episodes, mean_landing_points(episodes), settings)
     judging = StrokeTraining(episodes, {}, replace(settings, ready_noise_rad=0.03))
     config = variant.change(training.trainer.config)
@@ -94,43 +95,45 @@ def train(
     curve = []
     seconds = 0.0
     parts: dict[str, float] = {}
-    for sweep in range(sweeps + 1):
+    for iteration in range(iterations + 1):
         started = time.perf_counter()
-        if sweep == sweeps:
+        if iteration == iterations:
             parts = seconds_of_parts([training.trainer])
-        elif sweep:
-            training.trainer.sweep()
+        elif iteration:
+            training.trainer.iterate()
         elif variant.cloned:
             training.trainer.clone()
         seconds += time.perf_counter() - started
-        if sweep % EVERY == 0:
-            curve.append((seconds, judging.rehearse(BALLS, np.random.default_rng((seed, sweep)))[1]))
+        if iteration % EVERY == 0:
+            curve.append((seconds, judging.evaluate(BALLS, np.random.default_rng((seed, iteration)))[1]))
     return curve, parts
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sweeps", type=int, default=40)
+    parser.add_argument("--iterations", type=int, default=40)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--only", nargs="+", default=list(VARIANTS), choices=list(VARIANTS))
     options = parser.parse_args()
     torch.set_num_threads(1)
-    print(f"{options.sweeps} sweeps, {options.seeds} seed(s); returned: % of balls, mean / worst stroke")
-    print(f"{'':<38}{'start':>10}{'end':>12}{'s to 95 %':>12}{'s a sweep':>11}  {', '.join(PARTS)} (ms)")
+    print(
+        f"{options.iterations} iterations, {options.seeds} seed(s); returned: % of balls, mean / worst stroke"
+    )
+    print(f"{'':<38}{'start':>10}{'end':>12}{'s to 95 %':>12}{'s an iteration':>11}  {', '.join(PARTS)} (ms)")
     for name in options.only:
-        start, end, reached, sweep, shares = [], [], [], [], []
+        start, end, reached, iteration, shares = [], [], [], [], []
         for seed in range(options.seeds):
-            curve, parts = train(VARIANTS[name], seed, options.sweeps)
+            curve, parts = train(VARIANTS[name], seed, options.iterations)
             start.append(curve[0][1])
             end.append(curve[-1][1])
             reached.append(next((at for at, returned in curve if returned.min() >= GOOD), np.inf))
-            sweep.append((curve[-1][0] - curve[0][0]) / options.sweeps)
+            iteration.append((curve[-1][0] - curve[0][0]) / options.iterations)
             shares.append([1e3 * parts[part] for part in PARTS])
         first, last = (100 * np.mean(rows, axis=0) for rows in (start, end))
         print(
             f"{name:<38}{first.mean():>5.0f} / {first.min():<2.0f}{last.mean():>7.1f} / {last.min():<3.0f}"
-            f"{np.mean(reached):>11.0f}{np.mean(sweep):>11.2f}  "
+            f"{np.mean(reached):>11.0f}{np.mean(iteration):>11.2f}  "
             f"{', '.join(f'{part:.0f}' for part in np.mean(shares, axis=0))}"
         )
         sys.stdout.flush()

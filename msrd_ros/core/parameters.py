@@ -8,13 +8,20 @@ from typing import Any
 
 @dataclass(frozen=True)
 class ParameterFacts:
-    """What a user is told about a parameter, and what is refused."""
+    """What a user is told about a parameter, and what is refused.
+
+    Attributes
+    ----------
+    former
+        The name that it had in earlier versions; still understood, with a warning.
+    """
 
     description: str
     unit: str = ""
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
+    former: str = ""
 
     @property
     def text(self) -> str:
@@ -32,9 +39,10 @@ def parameter(
     low: float | None = None,
     high: float | None = None,
     choices: tuple[str, ...] = (),
+    former: str = "",
 ) -> Any:
     """Declare a dataclass field that becomes a ROS parameter of the same name."""
-    facts = ParameterFacts(description, unit, low, high, choices)
+    facts = ParameterFacts(description, unit, low, high, choices, former)
     if isinstance(default, list):
         return field(default_factory=lambda: list(default), metadata={"parameter": facts})
     return field(default=default, metadata={"parameter": facts})

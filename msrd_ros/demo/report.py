@@ -79,8 +79,8 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
     report.heading("Learning")
     report.figure(
         _training_curves(training, labels),
-        "Returned balls over training, mean policies in the batched simulator; sweep 0 is behaviour cloning. "
-        "The rates in the table above are played in Bullet, over topics.",
+        "Returned balls over training, mean policies in the batched simulator; iteration 0 is behaviour "
+        "cloning. The rates in the table above are played in Bullet, over topics.",
     )
     report.figure(
         _matrix(np.array(training["strategy_matrix"]), training["strategy_rewards"]),
@@ -223,10 +223,10 @@ def _training_curves(training: dict[str, Any], labels: list[StrategyLabel]) -> F
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(8.5, 3.6))
-    sweeps = [point["sweep"] for point in training["curve"]]
+    iterations = [point["iteration"] for point in training["curve"]]
     for index, label in enumerate(labels):
         axes.plot(
-            sweeps,
+            iterations,
             [100 * point["returned"][index] for point in training["curve"]],
             SIDE_LINES[label.side],
             color=STROKE_COLOURS[label.stroke],
@@ -234,7 +234,7 @@ def _training_curves(training: dict[str, Any], labels: list[StrategyLabel]) -> F
             markersize=4,
             label=str(label),
         )
-    axes.set_xlabel("sweeps over all strategies")
+    axes.set_xlabel("iterations over all strategies")
     axes.set_ylabel("returned, %")
     axes.set_ylim(0, 102)
     axes.grid(alpha=0.3)
@@ -270,7 +270,7 @@ def _write_how(report: Report, out: Path, metrics: dict[str, Any]) -> None:
     report.table(
         ["stage", "seconds"],
         [[name, f"{value:.0f}"] for name, value in seconds.items()],
-        f"Seed {metrics['seed']}, {metrics['sweeps']} sweeps. All figures are in metrics.json.",
+        f"Seed {metrics['seed']}, {metrics['iterations']} iterations. All figures are in metrics.json.",
     )
     report.paragraph("Play it yourself, each line in a terminal of its own:")
     policies = out / "training" / "policies.safetensors"

@@ -33,8 +33,8 @@ class DemoConfig:
         Folder of bags, policies, logs, metrics and report; what an earlier demo left there is replaced.
     subjects, recordings
         Teachers, and kept recordings of each of their six conditions.
-    sweeps, balls
-        Training sweeps, and balls played per strategy.
+    iterations, balls
+        Training iterations, and balls played per strategy.
     seed
         Of the teachers, the training and the evaluation.
     """
@@ -42,7 +42,7 @@ class DemoConfig:
     out: Path
     subjects: int = 4
     recordings: int = 3
-    sweeps: int | None = None
+    iterations: int | None = None
     balls: int = 100
     seed: int = 0
 
@@ -90,7 +90,7 @@ class Demo:
             "strategy_matrix": training["strategy_matrix"],
             "seed": config.seed,
             "subjects": config.subjects,
-            "sweeps": training["sweeps"],
+            "iterations": training["iterations"],
         }
         write_text(config.out / "metrics.json", json.dumps(metrics, indent=1) + "\n")
         return metrics
@@ -130,8 +130,8 @@ class Demo:
             "idle_start_s": 15.0,
             "seed": config.seed,
         }
-        if config.sweeps is not None:
-            parameters["sweeps"] = config.sweeps
+        if config.iterations is not None:
+            parameters["iterations"] = config.iterations
         trainer = self._follow(stack, "trainer", parameters)
         self._start(
             stack, "player", {"bags": [config.out / "bags"], "rate": 0.0, "max_messages_per_s": 1500.0}
@@ -186,11 +186,15 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for everything it writes")
     parser.add_argument("--subjects", type=int, default=DemoConfig.subjects, help="teachers")
     parser.add_argument("--recordings", type=int, default=DemoConfig.recordings, help="kept per condition")
-    parser.add_argument("--sweeps", type=int, default=None, help="training sweeps; default: the trainer's")
+    parser.add_argument(
+        "--iterations", type=int, default=None, help="training iterations; default: the trainer's"
+    )
     parser.add_argument("--balls", type=int, default=DemoConfig.balls, help="balls played per strategy")
     parser.add_argument("--seed", type=int, default=0)
     words = parser.parse_args(argv)
-    config = DemoConfig(words.out, words.subjects, words.recordings, words.sweeps, words.balls, words.seed)
+    config = DemoConfig(
+        words.out, words.subjects, words.recordings, words.iterations, words.balls, words.seed
+    )
     try:
         metrics = Demo(config).run()
         from msrd_ros.demo.report import write_report

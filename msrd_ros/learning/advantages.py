@@ -33,7 +33,7 @@ def generalised_advantages(rewards: Tensor, values: Tensor, discount: float, dec
     return advantages
 
 
-def credit_passive_rewards(rewards: Tensor, acting_steps: int, discount: float) -> Tensor:
+def credit_masked_rewards(rewards: Tensor, acting_steps: int, discount: float) -> Tensor:
     """Rewards of the steps in which nothing can be decided any more, credited to the last decision.
 
     Parameters

@@ -20,11 +20,11 @@ def pooled_airl(
     demonstrations: Demonstrations,
     collector: Collector,
     seed: int,
-    restarting: Collector | None = None,
+    autoreset: Collector | None = None,
 ) -> MSRD:
     """One reward and one policy for the demonstrations of all strategies together; arguments as of `MSRD`.
 
-    It plays and samples as many transitions a sweep as MSRD does for all strategies.
+    It plays and samples as many transitions an iteration as MSRD does for all strategies.
     """
     strategies = demonstrations.strategies
     discriminator = replace(
@@ -46,7 +46,7 @@ def pooled_airl(
             snapshot_episodes=config.cloning.snapshot_episodes * strategies,
         ),
     )
-    return MSRD(config, demonstrations.pooled(), collector, seed, restarting=restarting)
+    return MSRD(config, demonstrations.pooled(), collector, seed, autoreset=autoreset)
 
 
 def airl_per_strategy(
@@ -54,8 +54,8 @@ def airl_per_strategy(
     demonstrations: Demonstrations,
     collector: Collector,
     seed: int,
-    restarting: Collector | None = None,
+    autoreset: Collector | None = None,
 ) -> MSRD:
     """A reward of its own for each strategy, nothing shared, trained side by side; arguments as of `MSRD`."""
     config = replace(config, reward=replace(config.reward, form=RewardForm.STRATEGY_ONLY, alpha=1.0))
-    return MSRD(config, demonstrations, collector, seed, restarting=restarting)
+    return MSRD(config, demonstrations, collector, seed, autoreset=autoreset)

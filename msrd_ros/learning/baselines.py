@@ -90,7 +90,7 @@ class StrategyClassifier(_StateNetwork):
         return torch.log_softmax(self._outputs(observations), dim=-1).T
 
 
-class TaughtRewards(_StateNetwork):
+class SupervisedRewards(_StateNetwork):
     """Not a method but a yardstick: regression on the true strategy rewards of all demonstrated states.
 
     Nobody who has only demonstrations knows more about the preferences than this. Where it is wrong, the

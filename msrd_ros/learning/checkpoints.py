@@ -25,6 +25,20 @@ from msrd_ros.learning.policy import PREFIX, PolicySet, make_header, read_header
 
 TRAINER_PREFIX = "trainer/"
 
+_RENAMED = {
+    "sweeps": "iterations",
+    "sweeps_done": "iterations_done",
+    "demonstrations_per_sweep": "demonstrations_per_iteration",
+    "owners": "reward_groups",
+    "uses_density": "uses_log_prob",
+    "centre_density": "centre_log_prob",
+    "density_bounds": "log_prob_bounds",
+    "average": "ema_rate",
+    "disturbances": "noise_levels",
+    "corrections": "recovery_labels",
+}
+"""Names of 0.1.0, and what they are called now."""
+
 
 def export_policies(
     policies: GaussianPolicies, layout: Layout, details: dict[str, Any] | None = None
@@ -87,7 +101,7 @@ def load_checkpoint(path: Path, trainer: MSRD) -> None:
     try:
         layout, details = Layout.from_dict(header["layout"]), header["details"]
         layout.require(trainer.layout, str(path))
-        tree, config = details["trainer"], details["config"]
+        tree, config = details["trainer"], _in_present_names(details["config"])
         everything = load_tensors(data)
     except (KeyError, TypeError, SafetensorError) as error:
         raise UserError(f"{path}: not a training checkpoint ({error}); start anew or use another") from None
@@ -104,10 +118,17 @@ def load_checkpoint(path: Path, trainer: MSRD) -> None:
     start = len(TRAINER_PREFIX)
     own = {name[start:]: value for name, value in everything.items() if name.startswith(TRAINER_PREFIX)}
     try:
-        trainer.load_state_dict(_attach_tensors(tree, own))
+        trainer.load_state_dict(_in_present_names(_attach_tensors(tree, own)))
     except (KeyError, RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: damaged checkpoint ({reason}); start anew or use another") from None
+
+
+def _in_present_names(node: Any) -> Any:
+    """Settings or state of an earlier version, under the names that they have now."""
+    if isinstance(node, dict):
+        return {_RENAMED.get(key, key): _in_present_names(value) for key, value in node.items()}
+    return node
 
 
 def _detach_tensors(node: Any, tensors: dict[str, torch.Tensor]) -> Any:

@@ -25,12 +25,12 @@ class CloningConfig:
     state_noise
         (observation name, standard deviation) pairs: Gaussian offsets injected into the states, in the
         column's own unit.
-    corrections
+    recovery_labels
         (observation name, action name, gain) triples: an injected offset lowers that action's label by
         ``gain * offset``, so that the policy learns to come back.
     snapshots
         Steps after which a copy of the policies is played to give the discriminator bad examples.
-    disturbances
+    noise_levels
         Standard deviations with which the finished clones are played to give further bad examples, from
         nearly right to hopeless.
     restarts
@@ -44,9 +44,9 @@ class CloningConfig:
     learning_rate: float = 3e-3
     batch: int = 256
     state_noise: tuple[tuple[str, float], ...] = ()
-    corrections: tuple[tuple[str, str, float], ...] = ()
+    recovery_labels: tuple[tuple[str, str, float], ...] = ()
     snapshots: tuple[int, ...] = ()
-    disturbances: tuple[float, ...] = ()
+    noise_levels: tuple[float, ...] = ()
     restarts: tuple[float, ...] = ()
     snapshot_episodes: int = 2
 
@@ -108,7 +108,7 @@ def perturbation(
     correction = torch.zeros(len(observation_names), len(action_names))
     for name, deviation in config.state_noise:
         noise[_column(name, observation_names)] = deviation
-    for observation, action, gain in config.corrections:
+    for observation, action, gain in config.recovery_labels:
         correction[_column(observation, observation_names), _column(action, action_names)] = gain
     return noise, correction
 

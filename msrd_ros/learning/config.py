@@ -103,7 +103,7 @@ class RewardConfig:
         Whether rewards are R(s, a) rather than R(s).
     shaping
         Whether to add AIRL's potential h_i.
-    owners
+    reward_groups
         Which strategy-only reward each strategy has, counted from 0; empty: each has its own.
     """
 
@@ -114,7 +114,7 @@ class RewardConfig:
     strategy_features: FeatureConfig = field(default_factory=FeatureConfig)
     sees_action: bool = False
     shaping: bool = False
-    owners: tuple[int, ...] = ()
+    reward_groups: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,13 +124,13 @@ class DiscriminatorConfig:
     Attributes
     ----------
     steps, first_steps
-        Adam steps a sweep, and further ones in the first sweep.
+        Adam steps an iteration, and further ones in the first iteration.
     batch
         Demonstration and generator transitions per strategy and step.
-    demonstrations_per_sweep
-        K of line 7: demonstrations drawn anew each sweep; None uses all.
+    demonstrations_per_iteration
+        K of line 7: demonstrations drawn anew each iteration; None uses all.
     learning_rate, learning_rate_end, weight_decay
-        Adam; the rate falls linearly to the given share over the planned sweeps.
+        Adam; the rate falls linearly to the given share over the planned iterations.
     penalty, penalty_weight
         Regulariser of S_i and lambda_i; None sets lambda_i = alpha_i, the paper's text.
     penalty_above
@@ -152,21 +152,21 @@ class DiscriminatorConfig:
         Weights of |grad S_i|^2 and |grad R0|^2.
     task_update
         When R0 is stepped.
-    uses_density
+    uses_log_prob
         Whether the logit carries log pi (AIRL) or is f alone.
-    centre_density
+    centre_log_prob
         Whether log pi is taken relative to its mean -H(pi), so that steps in which nobody acts
         (log pi = 0) and steps in which a policy acts meet at the same level.
-    density_bounds
+    log_prob_bounds
         log pi is clipped to these (after centring).
-    average
-        Rate of the moving average of the weights that is reported, per Adam step.
+    ema_rate
+        Rate of the exponential moving average of the weights that is reported, per Adam step.
     """
 
     steps: int = 10
     first_steps: int = 0
     batch: int = 256
-    demonstrations_per_sweep: int | None = None
+    demonstrations_per_iteration: int | None = None
     learning_rate: float = 1e-3
     learning_rate_end: float = 0.1
     weight_decay: float = 1e-4
@@ -182,10 +182,10 @@ class DiscriminatorConfig:
     gradient_penalty: float = 0.0
     task_gradient_penalty: float = 0.0
     task_update: TaskUpdate = TaskUpdate.SUMMED
-    uses_density: bool = True
-    centre_density: bool = False
-    density_bounds: tuple[float, float] = (-20.0, 20.0)
-    average: float = 0.01
+    uses_log_prob: bool = True
+    centre_log_prob: bool = False
+    log_prob_bounds: tuple[float, float] = (-20.0, 20.0)
+    ema_rate: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -194,15 +194,15 @@ class ReplayConfig:
 
     Attributes
     ----------
-    keep, sweeps
-        Transitions kept of each strategy and sweep, and for how many sweeps.
+    keep, iterations
+        Transitions kept of each strategy and iteration, and for how many iterations.
     replay_share, snapshot_share
-        Shares of a batch drawn from past sweeps and from rollouts of the cloning snapshots; the rest is
+        Shares of a batch drawn from past iterations and from rollouts of the cloning snapshots; the rest is
         from the latest rollouts.
     """
 
     keep: int = 256
-    sweeps: int = 1000
+    iterations: int = 1000
     replay_share: float = 0.0
     snapshot_share: float = 0.0
 
@@ -234,17 +234,17 @@ class MSRDConfig:
 
     Attributes
     ----------
-    sweeps
-        Planned sweeps, for the learning-rate schedule.
+    iterations
+        Planned iterations, for the learning-rate schedule.
     episodes
-        K of Algorithm 1, line 6: rollouts per strategy and sweep.
+        K of Algorithm 1, line 6: rollouts per strategy and iteration.
     discount, gae_decay
         gamma and lambda of the advantages.
     policy_reward
         What the policies are rewarded with.
     """
 
-    sweeps: int = 250
+    iterations: int = 250
     episodes: int = 4
     discount: float = 0.99
     gae_decay: float = 0.97

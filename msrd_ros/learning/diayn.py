@@ -37,7 +37,7 @@ class DiaynReward:
     generator
         Source of initial weights and minibatches.
     steps, batch, learning_rate
-        Adam on q per sweep, on `batch` states of every strategy.
+        Adam on q per iteration, on `batch` states of every strategy.
     blur
         Standard deviation of noise on the features that q learns from: the resolution of an observer who
         has to tell the strategies apart. Without it q makes strategies out of centimetres.

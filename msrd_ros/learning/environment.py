@@ -38,7 +38,7 @@ class GymEnvironment:
     observation_names, action_names
         Names of the columns, in order; empty: numbered, or by the keys of a dictionary. Names that are given
         have to be the demonstrations'.
-    restarts
+    autoreset
         Whether an episode that ended starts again in the next step instead of staying where it ended.
     scale
         How the environment's actions follow from those that it is given; None: they are the same.
@@ -56,7 +56,7 @@ class GymEnvironment:
         horizon: int | None = None,
         observation_names: Sequence[str] = (),
         action_names: Sequence[str] = (),
-        restarts: bool = False,
+        autoreset: bool = False,
         scale: ActionScale | None = None,
     ) -> None:
         from gymnasium import spaces
@@ -90,7 +90,7 @@ class GymEnvironment:
         if steps is None:
             raise UserError(f"environment {first} has no time limit; say how long episodes are with horizon=")
         self.horizon = self.acting_steps = steps
-        self._restarts = restarts
+        self._autoreset = autoreset
         self._shape = (0, 0)
 
     @property
@@ -99,10 +99,10 @@ class GymEnvironment:
         space = self._action_space
         return space.low.ravel().astype(np.float64), space.high.ravel().astype(np.float64)
 
-    def copy(self, restarts: bool = False, scale: ActionScale | None = None) -> GymEnvironment:
+    def copy(self, autoreset: bool = False, scale: ActionScale | None = None) -> GymEnvironment:
         """The same environment, with actions in other units if `scale` is given."""
         return GymEnvironment(
-            self._make, self.horizon, self.observation_names, self.action_names, restarts, scale
+            self._make, self.horizon, self.observation_names, self.action_names, autoreset, scale
         )
 
     def reset(self, strategies: int, episodes: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -133,7 +133,7 @@ class GymEnvironment:
             seen, reward, terminated, truncated, _ = self._copies[index].step(given[index])
             self._seen[index] = self._flatten(seen)
             self.rewards[index, self._clock] = reward
-            if terminated and self._restarts:
+            if terminated and self._autoreset:
                 self._ended[index] = True
             elif terminated or truncated:
                 self._going[index] = False

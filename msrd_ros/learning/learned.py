@@ -220,7 +220,7 @@ def _describe(model: RewardModel) -> dict[str, Any]:
         "action_width": model.task_network.sizes[0] - model.task_features.width,
         "shaping": model.potential_network is not None,
         "discount": model.discount,
-        "owners": [] if model.owners is None else model.owners.tolist(),
+        "reward_groups": [] if model.reward_groups is None else model.reward_groups.tolist(),
     }
 
 
@@ -245,7 +245,7 @@ def _restore(described: dict[str, Any], path: Path) -> RewardModel:
             torch.Generator(),
             bool(described["shaping"]),
             float(described["discount"]),
-            tuple(int(owner) for owner in described["owners"]),
+            tuple(int(group) for group in described["reward_groups"]),
         )
         model.load_state_dict(own)
     except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:

@@ -5,8 +5,8 @@ calls three things::
 
     learner = find_method("msrd").start(Problem(config, demonstrations, collector, seed))
     learner.clone()
-    for _ in range(learner.config.sweeps):
-        learner.sweep()
+    for _ in range(learner.config.iterations):
+        learner.iterate()
 
 and reads `Learner.policies` and `Learner.averaged_rewards`.
 """
@@ -40,7 +40,7 @@ class Problem:
         Everything random follows from it.
     policies
         Initial policies; None: Gaussian ones by `config`.
-    restarting
+    autoreset
         As `collector`, but episodes start again whenever the task is lost; needed for
         ``config.cloning.restarts`` alone.
     """
@@ -50,7 +50,7 @@ class Problem:
     collector: Collector
     seed: int
     policies: Policies | None = None
-    restarting: Collector | None = None
+    autoreset: Collector | None = None
 
 
 class Learner(Protocol):
@@ -59,16 +59,16 @@ class Learner(Protocol):
     Attributes
     ----------
     config
-        Settings as the method has changed them; ``config.sweeps`` sweeps are planned.
+        Settings as the method has changed them; ``config.iterations`` iterations are planned.
     policies
         One policy for each row of the method's demonstrations.
-    sweeps_done, environment_steps
+    iterations_done, environment_steps
         How far it has come.
     """
 
     config: MSRDConfig
     policies: Policies
-    sweeps_done: int
+    iterations_done: int
     environment_steps: int
 
     @property
@@ -77,10 +77,10 @@ class Learner(Protocol):
         ...
 
     def clone(self) -> dict[str, float]:
-        """What comes before the first sweep; figures by name."""
+        """What comes before the first iteration; figures by name."""
         ...
 
-    def sweep(self) -> dict[str, float]:
+    def iterate(self) -> dict[str, float]:
         """One round of playing and learning; figures by name."""
         ...
 
@@ -130,5 +130,5 @@ class Method:
             problem.collector,
             problem.seed,
             problem.policies,
-            problem.restarting,
+            problem.autoreset,
         )

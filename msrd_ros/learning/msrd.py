@@ -26,8 +26,8 @@ from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
 
 _PAST = ReplayConfig(replay_share=0.6, snapshot_share=0.4)
-_LASTING_AVERAGE = 0.003
-"""Negatives of `MSRD.lasting_rewards`, and the rate of its moving average."""
+_REFIT_EMA_RATE = 0.003
+"""Negatives of `MSRD.refit_on_replay`, and the rate of its moving average."""
 
 
 class MSRD:
@@ -45,7 +45,7 @@ class MSRD:
         Everything random follows from it; the same seed gives the same run bit for bit on one machine.
     policies
         Initial policies; None makes Gaussian ones from `config`.
-    restarting
+    autoreset
         Where ``config.cloning.restarts`` are played: as `collector`, but episodes start again whenever the
         task is lost.
 
@@ -55,7 +55,7 @@ class MSRD:
         pi_1..pi_N.
     rewards
         R0 and S_1..S_N, the latest iterate.
-    sweeps_done, environment_steps
+    iterations_done, environment_steps
         How far training has come.
     """
 
@@ -66,16 +66,16 @@ class MSRD:
         collector: Collector,
         seed: int,
         policies: Policies | None = None,
-        restarting: Collector | None = None,
+        autoreset: Collector | None = None,
     ) -> None:
-        if config.cloning.restarts and restarting is None:
-            raise ValueError("cloning.restarts need a place where episodes start again: pass restarting")
+        if config.cloning.restarts and autoreset is None:
+            raise ValueError("cloning.restarts need a place where episodes start again: pass autoreset")
         self.config = config
         self.layout = demonstrations.layout
-        self.sweeps_done = 0
+        self.iterations_done = 0
         self.environment_steps = 0
         self._collector = collector
-        self._restarting = restarting or collector
+        self._autoreset = autoreset or collector
         torch_seed, numpy_seed = np.random.SeedSequence(seed).spawn(2)
         self._generator = torch.Generator().manual_seed(int(torch_seed.generate_state(1, np.uint64)[0]) >> 1)
         self._rng = np.random.default_rng(numpy_seed)
@@ -95,7 +95,7 @@ class MSRD:
             self._generator,
             config.reward.shaping,
             config.discount,
-            config.reward.owners,
+            config.reward.reward_groups,
         )
         self.policies: Policies = policies or GaussianPolicies(
             strategies,
@@ -116,18 +116,18 @@ class MSRD:
             config.gae_decay,
             self._generator,
         )
-        self._averaged = AveragedRewards(self.rewards, config.discriminator.average)
-        self._training = RewardTraining(self.rewards, self._averaged, config.discriminator, config.sweeps)
+        self._averaged = AveragedRewards(self.rewards, config.discriminator.ema_rate)
+        self._training = RewardTraining(self.rewards, self._averaged, config.discriminator, config.iterations)
         widths = (len(self.layout.observation_names), len(self.layout.action_names))
-        capacity = config.replay.keep * config.replay.sweeps if config.replay.replay_share > 0.0 else 0
-        capacity = min(capacity, config.replay.keep * config.sweeps)
+        capacity = config.replay.keep * config.replay.iterations if config.replay.replay_share > 0.0 else 0
+        capacity = min(capacity, config.replay.keep * config.iterations)
         self._replay = Replay(strategies, capacity, *widths)
         self._snapshots: Transitions | None = None
 
     @property
     def progress(self) -> float:
-        """Share of the planned sweeps that are done, for schedules; 1 from the last one on."""
-        return min(1.0, self.sweeps_done / max(1, self.config.sweeps - 1))
+        """Share of the planned iterations that are done, for schedules; 1 from the last one on."""
+        return min(1.0, self.iterations_done / max(1, self.config.iterations - 1))
 
     @property
     def averaged_rewards(self) -> RewardModel:
@@ -156,8 +156,8 @@ class MSRD:
         with torch.no_grad():
             explored = self.policies.log_std.clone()
             for collector, deviations in (
-                (self._collector, self.config.cloning.disturbances),
-                (self._restarting, self.config.cloning.restarts),
+                (self._collector, self.config.cloning.noise_levels),
+                (self._autoreset, self.config.cloning.restarts),
             ):
                 for deviation in deviations:
                     self.policies.log_std.fill_(float(np.log(deviation)))
@@ -166,7 +166,7 @@ class MSRD:
         self._snapshots = Transitions.join(played) if played else None
         return {"cloning_error": float(error.mean())}
 
-    def sweep(self) -> dict[str, float]:
+    def iterate(self) -> dict[str, float]:
         """One pass of lines 5 to 11 over all strategies; returns what happened, by name."""
         started = time.perf_counter()
         config = self.config
@@ -177,18 +177,18 @@ class MSRD:
         generated = only_valid(everything, rollouts.lengths)
 
         # Line 7: sample demonstrations of every strategy.
-        count = config.discriminator.demonstrations_per_sweep
+        count = config.discriminator.demonstrations_per_iteration
         chosen = self._demonstrations.choose(count, self._generator)
 
         # Line 8: train S_i and R0 with Equation 7.
         steps = config.discriminator.steps
-        if self.sweeps_done == 0:
+        if self.iterations_done == 0:
             steps += config.discriminator.first_steps
         amount = steps * config.discriminator.batch
         expert = self._demonstrations.sample(chosen, amount, self._generator)
         expert = expert.with_log_prob(self._log_prob(expert))
         negatives = self._negatives(generated, amount)
-        metrics = self._training.train(expert, negatives, steps, self.sweeps_done, self._generator)
+        metrics = self._training.train(expert, negatives, steps, self.iterations_done, self._generator)
         if config.replay.replay_share > 0.0:
             self._replay.add(generated, config.replay.keep, self._generator)
 
@@ -198,25 +198,26 @@ class MSRD:
         # Line 10: update the policies by TRPO with entropy bonus.
         metrics |= self._improvement.improve(rollouts, reward, self.progress)
 
-        self.sweeps_done += 1
+        self.iterations_done += 1
         metrics["reward"] = float(reward.mean())
         metrics["environment_steps"] = float(self.environment_steps)
         metrics["seconds"] = time.perf_counter() - started
         return metrics
 
-    def lasting_rewards(self, steps: int) -> RewardModel:
+    def refit_on_replay(self, steps: int) -> RewardModel:
         """R0 and S_i after `steps` more Adam steps against all that was ever played, to optimise frozen.
 
-        A sweep's negatives are mostly of the present policies, so rewards forget what earlier ones did wrong,
-        and a fresh policy finds its way there. Needs replay and cloning snapshots; the run stays as it is.
+        An iteration's negatives are mostly of the present policies, so rewards forget what earlier ones did
+        wrong, and a fresh policy finds its way there. Needs replay and cloning snapshots; the run stays as
+        it is.
         """
         if not self._replay.filled or self._snapshots is None:
-            raise ValueError("lasting rewards need replay and cloning snapshots; give both a share")
-        generator = torch.Generator().manual_seed(self.sweeps_done)
+            raise ValueError("to refit on replay takes replay and cloning snapshots; give both a share")
+        generator = torch.Generator().manual_seed(self.iterations_done)
         config = self.config.discriminator
         rewards = copy.deepcopy(self.rewards)
-        averaged = AveragedRewards(rewards, _LASTING_AVERAGE)
-        training = RewardTraining(rewards, averaged, config, sweeps=1)
+        averaged = AveragedRewards(rewards, _REFIT_EMA_RATE)
+        training = RewardTraining(rewards, averaged, config, iterations=1)
         everything = self._demonstrations.choose(None, generator)
         amount = config.steps * config.batch
         for _ in range(steps // config.steps):
@@ -253,7 +254,7 @@ class MSRD:
     @torch.no_grad()
     def _log_prob(self, transitions: Transitions) -> Tensor:
         """The current policies' log-density of ``[S, N]`` transitions, as the discriminator uses it."""
-        if not self.config.discriminator.uses_density:
+        if not self.config.discriminator.uses_log_prob:
             return torch.zeros_like(transitions.passive)
         distribution = self.policies.distribution(transitions.observation)
         log_prob = self.policies.log_prob(distribution, transitions.action)
@@ -262,15 +263,15 @@ class MSRD:
     @torch.no_grad()
     def _density(self, log_prob: Tensor, passive: Tensor) -> Tensor:
         settings = self.config.discriminator
-        if not settings.uses_density:
+        if not settings.uses_log_prob:
             return torch.zeros_like(log_prob)
-        if settings.centre_density:
+        if settings.centre_log_prob:
             if not isinstance(self.policies, GaussianPolicies):
-                raise TypeError("centre_density needs Gaussian policies")
+                raise TypeError("centre_log_prob needs Gaussian policies")
             log_std = self.policies.log_std
             entropy = (log_std + 0.5 * float(np.log(2.0 * np.pi * np.e))).sum(dim=-1)
             log_prob = log_prob + entropy
-        return log_prob.clamp(*settings.density_bounds) * (1.0 - passive)
+        return log_prob.clamp(*settings.log_prob_bounds) * (1.0 - passive)
 
     def _negatives(self, generated: Transitions, amount: int) -> Negatives:
         """Transitions to tell the demonstrations from: latest, replayed, and of the cloning snapshots."""
@@ -290,7 +291,7 @@ class MSRD:
             "snapshots": None if self._snapshots is None else self._snapshots.packed,
             "torch_generator": self._generator.get_state(),
             "numpy_generator": self._rng.bit_generator.state,
-            "sweeps_done": self.sweeps_done,
+            "iterations_done": self.iterations_done,
             "environment_steps": self.environment_steps,
         }
 
@@ -308,5 +309,5 @@ class MSRD:
         self._snapshots = None if snapshots is None else Transitions(snapshots, *widths)
         self._generator.set_state(state["torch_generator"])
         self._rng.bit_generator.state = state["numpy_generator"]
-        self.sweeps_done = int(state["sweeps_done"])
+        self.iterations_done = int(state["iterations_done"])
         self.environment_steps = int(state["environment_steps"])

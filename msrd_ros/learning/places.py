@@ -28,7 +28,7 @@ class Place:
 
     Attributes
     ----------
-    collector, restarting
+    collector, autoreset
         As of `Problem`.
     scale
         How the environment's actions follow from the policies'; None: they are the same.
@@ -38,7 +38,7 @@ class Place:
     """
 
     collector: Collector
-    restarting: Collector | None = None
+    autoreset: Collector | None = None
     scale: ActionScale | None = None
     curve: list[list[float]] = field(default_factory=list)
 
@@ -117,10 +117,10 @@ def _gym_place(environment: GymEnvironment, demonstrations: Demonstrations) -> P
     scale = ActionScale.of(low, high, acted)
     place = Place(
         GymCollector(environment.copy(scale=scale)),
-        GymCollector(environment.copy(restarts=True, scale=scale)),
+        GymCollector(environment.copy(autoreset=True, scale=scale)),
         scale,
     )
-    return Place(Noted(place.collector, place.curve), place.restarting, scale, place.curve)
+    return Place(Noted(place.collector, place.curve), place.autoreset, scale, place.curve)
 
 
 def _require_columns(

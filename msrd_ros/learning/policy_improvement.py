@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from msrd_ros.learning.advantages import credit_passive_rewards, generalised_advantages
+from msrd_ros.learning.advantages import credit_masked_rewards, generalised_advantages
 from msrd_ros.learning.endings import acting_rows, hold_endings
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import Policies
@@ -60,7 +60,7 @@ class PolicyImprovement:
         reward
             ``[S, K, T]`` of every transition, passive ones included.
         progress
-            Share of the planned sweeps that are done, for the schedule of the trust region.
+            Share of the planned iterations that are done, for the schedule of the trust region.
 
         Returns
         -------
@@ -74,7 +74,7 @@ class PolicyImprovement:
         clock = (torch.arange(acting + 1) / horizon).expand(strategies, episodes, acting + 1)
         states, times = observations[:, :, :acting].flatten(1, 2), clock[:, :, :acting].flatten(1, 2)
         actions = torch.as_tensor(rollouts.actions).flatten(1, 2)
-        reward = credit_passive_rewards(reward, acting, discount)
+        reward = credit_masked_rewards(reward, acting, discount)
         chosen = acting_rows(rollouts)
         states, times, actions = chosen(states), chosen(times), chosen(actions)
 

@@ -21,7 +21,7 @@ def default_config() -> MSRDConfig:
     Actions are in units of their range: standard deviations are shares of half of it.
     """
     return MSRDConfig(
-        sweeps=40,
+        iterations=40,
         episodes=4,
         # Entropy by the objective itself: a policy that is sure of itself leaves the discriminator nothing.
         policy_reward=PolicyReward.LOGIT,
@@ -39,8 +39,8 @@ def default_config() -> MSRDConfig:
             gradient_penalty=0.02,
             task_gradient_penalty=0.02,
             # An episode that has ended is judged by its place alone: both kinds of step meet at one level.
-            centre_density=True,
-            density_bounds=(-10.0, 10.0),
+            centre_log_prob=True,
+            log_prob_bounds=(-10.0, 10.0),
         ),
         # Once nobody fails any more, R0 would forget what failing is: half of the negatives are old or bad.
         replay=ReplayConfig(keep=512, replay_share=0.25, snapshot_share=0.25),
@@ -49,6 +49,6 @@ def default_config() -> MSRDConfig:
         trust_region=TrustRegionConfig(kl=0.01, kl_end=0.2),
         value=ValueConfig(hidden=(64, 64), steps=20, sees_time=False, bootstrap=True),
         cloning=CloningConfig(
-            steps=1500, batch=256, snapshots=(0, 40, 160, 320), disturbances=(0.5, 1.0), snapshot_episodes=2
+            steps=1500, batch=256, snapshots=(0, 40, 160, 320), noise_levels=(0.5, 1.0), snapshot_episodes=2
         ),
     )

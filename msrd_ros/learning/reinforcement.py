@@ -38,9 +38,9 @@ class PolicyTraining:
     source
         Where the reward comes from.
     collector
-        Where the policies are played; may be exchanged between sweeps.
+        Where the policies are played; may be exchanged between iterations.
     episodes
-        Rollouts per policy and sweep.
+        Rollouts per policy and iteration.
     trust_region, value
         Settings.
     discount, gae_decay
@@ -73,7 +73,7 @@ class PolicyTraining:
             policies, features, trust_region, value, discount, gae_decay, generator
         )
 
-    def sweep(self) -> dict[str, float]:
+    def iterate(self) -> dict[str, float]:
         """Play, reward, improve."""
         started = time.perf_counter()
         rollouts = self.collector.collect(self.policies, self.episodes, self._rng)

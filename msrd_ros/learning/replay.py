@@ -56,7 +56,7 @@ class DemonstrationPool:
 
 
 class Replay:
-    """Generated transitions of past sweeps, a ring per strategy, all rings in step.
+    """Generated transitions of past iterations, a ring per strategy, all rings in step.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def gather(transitions: Transitions, index: Tensor) -> Transitions:
 
 
 def of_others(
-    batch: Transitions, count: int, generator: torch.Generator, owners: Tensor | None = None
+    batch: Transitions, count: int, generator: torch.Generator, reward_groups: Tensor | None = None
 ) -> Transitions:
     """For each strategy, `count` transitions drawn from the *other* strategies' rows of `batch`.
 
@@ -118,7 +118,7 @@ def of_others(
 
     Parameters
     ----------
-    owners
+    reward_groups
         Whose strategy-only reward each strategy has, ``[S]``; who has the same is not another.
     """
     strategies, available = batch.packed.shape[:2]
@@ -126,8 +126,8 @@ def of_others(
     step = torch.randint(1, max(strategies, 2), (strategies, count), generator=generator)
     index = torch.randint(available, (strategies, count), generator=generator)
     source = (own + step) % strategies
-    if owners is not None and count:
-        strangers = (owners[:, None] != owners[None, :]).float()
+    if reward_groups is not None and count:
+        strangers = (reward_groups[:, None] != reward_groups[None, :]).float()
         source = torch.multinomial(strangers, count, replacement=True, generator=generator)
     packed = batch.packed[source, index]
     return Transitions(packed, batch.observation_width, batch.action_width)

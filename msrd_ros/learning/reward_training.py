@@ -66,17 +66,17 @@ class RewardTraining:
         Its moving average, updated after every step.
     config
         Settings.
-    sweeps
-        Planned sweeps, for the learning-rate schedule.
+    iterations
+        Planned iterations, for the learning-rate schedule.
     """
 
     def __init__(
-        self, rewards: RewardModel, averaged: AveragedRewards, config: DiscriminatorConfig, sweeps: int
+        self, rewards: RewardModel, averaged: AveragedRewards, config: DiscriminatorConfig, iterations: int
     ) -> None:
         self._rewards = rewards
         self._averaged = averaged
         self._config = config
-        self._sweeps = sweeps
+        self._iterations = iterations
         task = list(rewards.task_network.parameters())
         own = list(rewards.strategy_network.parameters())
         if rewards.potential_network is not None:
@@ -92,12 +92,12 @@ class RewardTraining:
         expert: Transitions,
         negatives: Negatives,
         steps: int,
-        sweep: int,
+        iteration: int,
         generator: torch.Generator,
     ) -> dict[str, float]:
         """Take `steps` steps, the s-th on the s-th slice of the samples; returns the last step's metrics."""
         config = self._config
-        progress = min(1.0, sweep / max(1, self._sweeps - 1))
+        progress = min(1.0, iteration / max(1, self._iterations - 1))
         rate = config.learning_rate * (1.0 - (1.0 - config.learning_rate_end) * progress)
         for optimiser in (self._task_optimiser, self._own_optimiser):
             optimiser.param_groups[0]["lr"] = rate
@@ -154,12 +154,12 @@ class RewardTraining:
         wanted = config.cross_weight > 0.0 or config.penalise_all
         if not wanted or self._rewards.strategy_network.copies < 2:
             return None
-        owners = self._rewards.owners
+        reward_groups = self._rewards.reward_groups
         demonstrations = round(config.cross_demonstrations * config.cross_batch)
         return Transitions.join(
             [
-                of_others(positive, demonstrations, generator, owners),
-                of_others(negative, config.cross_batch - demonstrations, generator, owners),
+                of_others(positive, demonstrations, generator, reward_groups),
+                of_others(negative, config.cross_batch - demonstrations, generator, reward_groups),
             ]
         )
 

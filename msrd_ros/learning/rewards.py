@@ -61,18 +61,18 @@ class RewardModel(nn.Module):
         Whether f_i also carries AIRL's potential ``gamma h_i(s') - h_i(s)``.
     discount
         gamma of the potential.
-    owners
+    reward_groups
         Which strategy-only reward each strategy has, counted from 0: strategies of the same number share
         one. Empty: each has its own.
 
     Attributes
     ----------
-    owners
+    reward_groups
         The same as ``[S]``, or None where each has its own.
     """
 
     alpha: Tensor
-    owners: Tensor | None
+    reward_groups: Tensor | None
 
     def __init__(
         self,
@@ -86,14 +86,18 @@ class RewardModel(nn.Module):
         generator: torch.Generator,
         shaping: bool = False,
         discount: float = 0.99,
-        owners: tuple[int, ...] = (),
+        reward_groups: tuple[int, ...] = (),
     ) -> None:
         super().__init__()
-        owners = owners or tuple(range(strategies))
-        if len(owners) != strategies or set(owners) != set(range(max(owners) + 1)):
-            raise ValueError(f"owners {owners}: give {strategies} numbers, counted from 0 without gaps")
-        shared = len(set(owners)) < strategies
-        self.register_buffer("owners", torch.tensor(owners) if shared else None, persistent=False)
+        reward_groups = reward_groups or tuple(range(strategies))
+        if len(reward_groups) != strategies or set(reward_groups) != set(range(max(reward_groups) + 1)):
+            raise ValueError(
+                f"reward_groups {reward_groups}: give {strategies} numbers, counted from 0 without gaps"
+            )
+        shared = len(set(reward_groups)) < strategies
+        self.register_buffer(
+            "reward_groups", torch.tensor(reward_groups) if shared else None, persistent=False
+        )
         self.form = RewardForm(form)
         self.strategies = strategies
         self.sees_action = action_width > 0
@@ -102,7 +106,7 @@ class RewardModel(nn.Module):
         self.strategy_features = strategy_features
         self.task_network = BatchedMLP(1, (task_features.width + action_width, *hidden, 1), generator)
         sizes = (strategy_features.width + action_width, *hidden, 1)
-        self.strategy_network = BatchedMLP(len(set(owners)), sizes, generator)
+        self.strategy_network = BatchedMLP(len(set(reward_groups)), sizes, generator)
         self.potential_network = (
             BatchedMLP(strategies, (strategy_features.width, *hidden, 1), generator) if shaping else None
         )
@@ -149,7 +153,7 @@ class RewardModel(nn.Module):
         return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
 
     def _own(self, inputs: Tensor) -> Tensor:
-        return self.strategy_network(inputs, self.owners).squeeze(-1)
+        return self.strategy_network(inputs, self.reward_groups).squeeze(-1)
 
     def _shared(self, inputs: Tensor) -> Tensor:
         strategies, count, width = inputs.shape

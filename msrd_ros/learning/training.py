@@ -68,13 +68,13 @@ def train(
     chosen = find_method(method)
     settings = config or default_config()
     place = find_place(environment, demonstrations)
-    if settings.cloning.restarts and place.restarting is None:
+    if settings.cloning.restarts and place.autoreset is None:
         raise UserError("cloning.restarts: only Gymnasium environments start again; leave it empty")
     scale = place.scale
     scaled = (
         replace(demonstrations, actions=scale.to_unit(demonstrations.actions)) if scale else demonstrations
     )
-    problem = Problem(settings, scaled, place.collector, seed, restarting=place.restarting)
+    problem = Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset)
     learner = chosen.start(problem)
     _run(learner, place, chosen, progress)
     details = {
@@ -92,13 +92,13 @@ def train(
 
 
 def _run(learner: Learner, place: Place, method: Method, progress: bool) -> None:
-    """Cloning and all sweeps."""
-    sweeps = learner.config.sweeps
-    with tqdm(total=sweeps, unit="sweep", desc=method.title, disable=not progress) as bar:
+    """Cloning and all iterations."""
+    iterations = learner.config.iterations
+    with tqdm(total=iterations, unit="iteration", desc=method.title, disable=not progress) as bar:
         _require_finite("cloning", learner.clone())
         place.curve.clear()
-        for sweep in range(1, sweeps + 1):
-            _require_finite(f"sweep {sweep}", learner.sweep())
+        for iteration in range(1, iterations + 1):
+            _require_finite(f"iteration {iteration}", learner.iterate())
             if place.curve:
                 returns = place.curve[-1]
                 bar.set_postfix_str(

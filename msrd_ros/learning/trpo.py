@@ -24,7 +24,7 @@ class TrustRegionConfig:
     ----------
     kl, kl_end
         Largest mean KL(old || new) of one update, in nats; it falls linearly to the share `kl_end` of it over
-        the planned sweeps. Steps that stay long wander about once the reward has nothing left to say.
+        the planned iterations. Steps that stay long wander about once the reward has nothing left to say.
     entropy_weight
         Weight of the policy's entropy in the objective (the paper's entropy bonus).
     cg_iterations, damping

@@ -20,7 +20,7 @@ class ValueConfig:
     hidden
         Widths of the hidden layers.
     learning_rate, steps, batch
-        Adam steps per sweep, each on `batch` samples of every strategy.
+        Adam steps per iteration, each on `batch` samples of every strategy.
     sees_time
         Whether the elapsed share of the horizon is an input (right for short episodes that end).
     bootstrap

@@ -106,6 +106,7 @@ def read_parameters(node: Node, config_type: type[Config]) -> Config:
         default = _default_of(field)
         descriptor = _descriptor(facts, default)
         descriptor.type = _parameter_type(default).value
+        _take_former_name(node, field.name, facts.former)
         _widen_integer_override(node, field.name, default)
         try:
             value = node.declare_parameter(field.name, default or _typed_empty(default), descriptor).value
@@ -141,6 +142,16 @@ def _default_of(field: dataclasses.Field[Any]) -> Any:
 def _typed_empty(default: Any) -> Any:
     # An empty list has no type that rclpy could infer; the descriptor's type says what it is.
     return Parameter.Type.STRING_ARRAY if default == [] else default
+
+
+def _take_former_name(node: Node, name: str, former: str) -> None:
+    """Let a parameter be given by the name that it had in earlier versions."""
+    override = node._parameter_overrides.pop(former, None)
+    if override is None:
+        return
+    node.get_logger().warning(f"parameter {former} of {node.get_name()} is called {name} now; say {name}")
+    if name not in node._parameter_overrides:
+        node._parameter_overrides[name] = Parameter(name, override.type_, override.value)
 
 
 def _widen_integer_override(node: Node, name: str, default: object) -> None:

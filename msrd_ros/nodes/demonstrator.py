@@ -46,7 +46,7 @@ from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.strokes.player import Phase as PlayerPhase
 from msrd_ros.table_tennis.strokes.player import StrokePlayer
-from msrd_ros.table_tennis.teachers.guided_stroke import LedStroke
+from msrd_ros.table_tennis.teachers.guided_stroke import GuidedStroke
 from msrd_ros.table_tennis.teachers.population import Teacher, compile_ahead
 from msrd_ros.table_tennis.teachers.study_design import (
     StudyConfig,
@@ -104,7 +104,7 @@ class Demonstrator(StackNode):
         self._stage = Stage.CALLING
         self._since_s = time.monotonic()
         self._trial: Trial | None = None
-        self._stroke: LedStroke | None = None
+        self._stroke: GuidedStroke | None = None
         self._came_from: NDArray[np.float64] | None = None
         self._player: StrokePlayer | None = None
         self._outcome: Outcome | None = None

@@ -24,7 +24,7 @@ from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, JOINT_COUNT, JOINT_NAMES
-from msrd_ros.table_tennis.arm.via_point_path import find_way
+from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
@@ -78,7 +78,7 @@ class Executor(StackNode):
         self._player: StrokePlayer | None = None
         self._ball_filter: BallFilter | None = None
         # Compiled before an arm moves: the first time after an installation it takes seconds.
-        find_way(JointReference(HOME_POSTURE_RAD, np.zeros(JOINT_COUNT)), HOME_POSTURE_RAD)
+        find_path(JointReference(HOME_POSTURE_RAD, np.zeros(JOINT_COUNT)), HOME_POSTURE_RAD)
         if self.config.estimate_ball:
             BallFilter.compile_ahead()
         self._policies: StrokePolicies | None = None

@@ -22,8 +22,8 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import EVENT, StackNode, run, status, steady_timer
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
-from msrd_ros.recordings.acceptance import KeptStroke, StrokeKeeper
 from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict
+from msrd_ros.recordings.store import StoreResult, StrokeStore
 
 ADAPT_PERIOD_S = 0.25
 LONELY_S = 5.0
@@ -78,7 +78,7 @@ class Recorder(StackNode):
         self._subject = check_subject(config.subject, "parameter subject of recorder")
         self._keep_all = config.keep == "all"
         self._directory = self._prepare_directory()
-        self._keeper = StrokeKeeper(
+        self._store = StrokeStore(
             self._directory,
             InspectionLimits(config.speed_tolerance, config.joint_gap_s, config.ball_gap_s),
             f"msrd_ros {__version__}",
@@ -94,7 +94,7 @@ class Recorder(StackNode):
         self._heard: tuple[str, ...] = ()
         self._adaptations = 0
         self._verdict = self.create_publisher(DiagnosticArray, VERDICT, EVENT)
-        self._results: queue.SimpleQueue[KeptStroke] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[StoreResult] = queue.SimpleQueue()
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
         self._written = self.create_guard_condition(self._report_results)
         self._settle_timer = steady_timer(self, SETTLE_PERIOD_S, self._settle)
@@ -123,7 +123,7 @@ class Recorder(StackNode):
             "rejected": self._rejected.total(),
             **{f"rejected_{reason}": count for reason, count in sorted(self._rejected.items())},
             "messages_lost": self._inputs.lost,
-            "disk_left_mb": self._keeper.free_bytes // MEGABYTE,
+            "disk_left_mb": self._store.free_bytes // MEGABYTE,
             "stroke_under_way": self._buffer.under_way,
             "decided": self._buffer.pending,
             "hears": " ".join(self._heard),
@@ -194,7 +194,7 @@ class Recorder(StackNode):
             refusal = Verdict(Refusal.DISCARDED, "dropped by ~/discard")
         self._discarding = False
         if refusal is not None:
-            self._results.put(KeptStroke(stroke, self._subject, refusal))
+            self._results.put(StoreResult(stroke, self._subject, refusal))
             self._written.trigger()
             return
         topics, latched = dict(self._inputs.topics), dict(self._inputs.latched)
@@ -203,9 +203,9 @@ class Recorder(StackNode):
     def _keep(self, stroke: Stroke, subject: str, *details: Any) -> None:
         """Judge and write, on the writer's thread; the node's own thread then reports."""
         try:
-            result = self._keeper.keep(stroke, subject, *details)
+            result = self._store.keep(stroke, subject, *details)
         except Exception as error:  # one stroke that cannot be handled must not end the session
-            result = KeptStroke(stroke, subject, Verdict(Refusal.WRITE_FAILED, repr(error)))
+            result = StoreResult(stroke, subject, Verdict(Refusal.WRITE_FAILED, repr(error)))
         self._results.put(result)
         self._written.trigger()
 
@@ -213,7 +213,7 @@ class Recorder(StackNode):
         while not self._results.empty():
             self._report(self._results.get(), publish=True)
 
-    def _report(self, result: KeptStroke, publish: bool) -> None:
+    def _report(self, result: StoreResult, publish: bool) -> None:
         verdict = result.verdict
         logger = self.get_logger()
         if verdict.accepted:
@@ -231,7 +231,7 @@ class Recorder(StackNode):
         if publish:
             self._publish_verdict(result)
 
-    def _publish_verdict(self, result: KeptStroke) -> None:
+    def _publish_verdict(self, result: StoreResult) -> None:
         verdict = result.verdict
         values = {
             "ball_id": result.stroke.ball_id,

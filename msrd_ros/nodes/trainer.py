@@ -34,8 +34,8 @@ from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayer
 from msrd_ros.table_tennis.strokes.run import RunConfig, TrainingRun
 from msrd_ros.table_tennis.strokes.training import (
     METHODS,
-    OWNERS,
     POLICIES_FILE,
+    REWARD_GROUPS,
     StrokeTraining,
     StrokeTrainingConfig,
     mean_landing_points,
@@ -67,9 +67,15 @@ class TrainerConfig:
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
     method: str = parameter("msrd", "Learning method", choices=METHODS)
-    sweeps: int = parameter(StrokeTrainingConfig.sweeps, "Sweeps over all strategies", low=0, high=100_000)
+    iterations: int = parameter(
+        StrokeTrainingConfig.iterations,
+        "Iterations over all strategies",
+        low=0,
+        high=100_000,
+        former="sweeps",
+    )
     episodes: int = parameter(
-        StrokeTrainingConfig.episodes, "Rollouts per strategy and sweep", low=1, high=10_000
+        StrokeTrainingConfig.episodes, "Rollouts per strategy and iteration", low=1, high=10_000
     )
     corrective_cloning: bool = parameter(
         StrokeTrainingConfig.corrective_cloning,
@@ -78,7 +84,7 @@ class TrainerConfig:
     strategy_rewards: str = parameter(
         StrokeTrainingConfig.strategy_rewards,
         "Whose a strategy reward is: every label's own, or shared by forehand and backhand of a stroke",
-        choices=tuple(OWNERS),
+        choices=tuple(REWARD_GROUPS),
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
     spread: str = parameter("standard", "Spread of the feeds trained on", choices=tuple(SPREADS))
@@ -112,9 +118,13 @@ class TrainerConfig:
     torch_threads: int = parameter(
         1, "Threads of torch; more only make small networks wait for each other", low=1, high=256
     )
-    rehearse_every: int = parameter(10, "Sweeps between rehearsals (for the curve); 0: none", low=0)
-    rehearse_balls: int = parameter(200, "Balls per strategy in a rehearsal", low=1, high=10_000)
-    checkpoint_every: int = parameter(25, "Sweeps between checkpoints; 0: only at the end", low=0)
+    evaluate_every: int = parameter(
+        10, "Iterations between evaluations (for the curve); 0: none", low=0, former="rehearse_every"
+    )
+    evaluation_balls: int = parameter(
+        200, "Balls per strategy in an evaluation", low=1, high=10_000, former="rehearse_balls"
+    )
+    checkpoint_every: int = parameter(25, "Iterations between checkpoints; 0: only at the end", low=0)
     timeout_s: float = parameter(60.0, "topics: longest wait for one stroke", unit="s", low=1.0, high=3600.0)
 
 
@@ -151,7 +161,7 @@ class Trainer(StackNode):
         steady_timer(self, 0.1, self._look_after_training)
 
     def close(self) -> None:
-        """End training after the present sweep, and keep what was learned."""
+        """End training after the present iteration, and keep what was learned."""
         if self._run is not None and self._thread is not None:
             self._run.stop.set()
             self._thread.join()
@@ -161,7 +171,7 @@ class Trainer(StackNode):
     def diagnose(self) -> tuple[str, dict[str, object]]:
         if self._training is None:
             return "gathering demonstrations", {str(k): n for k, n in self._counts().items()}
-        return "training", {"sweep": self._training.trainer.sweeps_done, "of": self.config.sweeps}
+        return "training", {"iteration": self._training.trainer.iterations_done, "of": self.config.iterations}
 
     # -- demonstrations ------------------------------------------------------------------------
 
@@ -208,7 +218,7 @@ class Trainer(StackNode):
             self._played.close()
         settings = StrokeTrainingConfig(
             method=config.method,
-            sweeps=config.sweeps,
+            iterations=config.iterations,
             episodes=config.episodes,
             seed=config.seed,
             spread=config.spread,
@@ -225,12 +235,12 @@ class Trainer(StackNode):
         self._run = TrainingRun(
             self._training,
             self._episodes,
-            RunConfig(self._out, config.rehearse_every, config.rehearse_balls, config.checkpoint_every),
+            RunConfig(self._out, config.evaluate_every, config.evaluation_balls, config.checkpoint_every),
             self._publish_policies,
             self._publish_progress,
         )
         if config.resume:
-            self.get_logger().info(f"goes on from sweep {self._run.resume()} of {self._out}")
+            self.get_logger().info(f"goes on from iteration {self._run.resume()} of {self._out}")
         self._thread = threading.Thread(target=self._train, args=(self._run,), name="training")
         self._thread.start()
 
@@ -297,7 +307,7 @@ class Trainer(StackNode):
             response.success, response.message = False, "training has not begun"
             return response
         self._run.stop.set()
-        response.success, response.message = True, "training ends after the present sweep and is saved"
+        response.success, response.message = True, "training ends after the present iteration and is saved"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -305,7 +315,10 @@ class Trainer(StackNode):
             response.success, response.message = False, "training has not begun"
             return response
         self._run.checkpoint_wanted.set()
-        response.success, response.message = True, f"a checkpoint follows the present sweep, in {self._out}"
+        response.success, response.message = (
+            True,
+            f"a checkpoint follows the present iteration, in {self._out}",
+        )
         return response
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from msrd_ros.learning.advantages import credit_passive_rewards, generalised_advantages
+from msrd_ros.learning.advantages import credit_masked_rewards, generalised_advantages
 
 
 @pytest.mark.parametrize(("discount", "decay"), [(0.99, 0.97), (0.9, 0.0), (1.0, 1.0)])
@@ -30,11 +30,11 @@ def test_full_decay_is_the_discounted_return_minus_the_value() -> None:
     torch.testing.assert_close(found, returns - values[:, :3])
 
 
-def test_passive_rewards_are_credited_to_the_last_decision() -> None:
+def test_masked_rewards_are_credited_to_the_last_decision() -> None:
     rewards = torch.tensor([[1.0, 2.0, 10.0, 20.0, 40.0]])
-    credited = credit_passive_rewards(rewards, 2, 0.5)
+    credited = credit_masked_rewards(rewards, 2, 0.5)
     torch.testing.assert_close(credited, torch.tensor([[1.0, 2.0 + 5.0 + 5.0 + 5.0]]))
-    torch.testing.assert_close(credit_passive_rewards(rewards, 5, 0.5), rewards)
+    torch.testing.assert_close(credit_masked_rewards(rewards, 5, 0.5), rewards)
 
 
 def test_crediting_keeps_the_return_of_every_acting_step() -> None:
@@ -42,5 +42,5 @@ def test_crediting_keeps_the_return_of_every_acting_step() -> None:
     rewards = torch.randn(2, 12, dtype=torch.float64, generator=generator)
     nothing = torch.zeros(2, 13, dtype=torch.float64)
     whole = generalised_advantages(rewards, nothing, 0.97, 1.0)[:, :7]
-    credited = credit_passive_rewards(rewards, 7, 0.97)
+    credited = credit_masked_rewards(rewards, 7, 0.97)
     torch.testing.assert_close(generalised_advantages(credited, nothing[:, :8], 0.97, 1.0), whole)

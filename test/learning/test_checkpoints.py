@@ -23,7 +23,7 @@ from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
 
 CONFIG = MSRDConfig(
-    sweeps=6,
+    iterations=6,
     replay=ReplayConfig(keep=32, replay_share=0.25, snapshot_share=0.25),
     cloning=CloningConfig(steps=30, snapshots=(0, 10)),
 )
@@ -41,15 +41,15 @@ def weights(found: MSRD) -> list[torch.Tensor]:
 def test_resumed_training_is_bit_for_bit_the_uninterrupted_one(tmp_path: Path) -> None:
     whole = trainer()
     whole.clone()
-    for sweep in range(4):
-        metrics = whole.sweep()
-        if sweep == 1:
+    for iteration in range(4):
+        metrics = whole.iterate()
+        if iteration == 1:
             save_checkpoint(tmp_path / "half.safetensors", whole, metrics)
     resumed = trainer(seed=99)
     load_checkpoint(tmp_path / "half.safetensors", resumed)
-    assert resumed.sweeps_done == 2
+    assert resumed.iterations_done == 2
     for _ in range(2):
-        resumed.sweep()
+        resumed.iterate()
     assert resumed.environment_steps == whole.environment_steps
     for found, expected in zip(weights(resumed), weights(whole), strict=True):
         assert torch.equal(found, expected)

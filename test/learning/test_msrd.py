@@ -20,7 +20,7 @@ from learning_problems import (
     true_rewards,
 )
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
-from msrd_ros.learning.baselines import StrategyClassifier, TaughtRewards
+from msrd_ros.learning.baselines import StrategyClassifier, SupervisedRewards
 from msrd_ros.learning.categorical import CategoricalPolicies
 from msrd_ros.learning.cloning import CloningConfig
 from msrd_ros.learning.config import (
@@ -36,23 +36,25 @@ from msrd_ros.learning.config import (
 from msrd_ros.learning.discriminator import Penalty
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import Policies
-from msrd_ros.learning.presets import as_printed, inverted_pendulum, table_tennis
+from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts, Transitions
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum
+from msrd_ros.table_tennis.strokes.presets import table_tennis
 
-BASE = MSRDConfig(sweeps=3, discriminator=DiscriminatorConfig(steps=3, batch=32, cross_batch=16))
+BASE = MSRDConfig(iterations=3, discriminator=DiscriminatorConfig(steps=3, batch=32, cross_batch=16))
 
 
-def run(config: MSRDConfig, seed: int = 0, sweeps: int = 2, clone: bool = False) -> MSRD:
+def run(config: MSRDConfig, seed: int = 0, iterations: int = 2, clone: bool = False) -> MSRD:
     trainer = MSRD(config, point_demonstrations(), BatchedCollector(PointMass()), seed)
     if clone:
         trainer.clone()
-    for _ in range(sweeps):
-        metrics = trainer.sweep()
+    for _ in range(iterations):
+        metrics = trainer.iterate()
     assert all(np.isfinite(value) for value in metrics.values())
     return trainer
 
@@ -61,7 +63,7 @@ def test_same_seed_same_numbers_other_seed_other_numbers() -> None:
     config = replace(
         BASE,
         replay=ReplayConfig(replay_share=0.3, snapshot_share=0.2),
-        cloning=CloningConfig(steps=20, snapshots=(0,), disturbances=(0.5,)),
+        cloning=CloningConfig(steps=20, snapshots=(0,), noise_levels=(0.5,)),
         discriminator=replace(BASE.discriminator, cross_weight=0.3, gradient_penalty=0.01),
     )
     first, second, third = (run(config, seed, clone=True) for seed in (1, 1, 2))
@@ -88,18 +90,18 @@ class Counting:
 def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_examples(
     make: Callable[..., MSRD],
 ) -> None:
-    cloning = CloningConfig(steps=5, disturbances=(1.0,), restarts=(1.0, 3.0), snapshot_episodes=2)
+    cloning = CloningConfig(steps=5, noise_levels=(1.0,), restarts=(1.0, 3.0), snapshot_episodes=2)
     config = replace(BASE, cloning=cloning, replay=ReplayConfig(snapshot_share=0.5))
-    collector, restarting = Counting(), Counting()
-    with pytest.raises(ValueError, match="pass restarting"):
+    collector, autoreset = Counting(), Counting()
+    with pytest.raises(ValueError, match="pass autoreset"):
         make(config, point_demonstrations(), collector, 0)
-    trainer = make(config, point_demonstrations(), collector, 0, restarting=restarting)
+    trainer = make(config, point_demonstrations(), collector, 0, autoreset=autoreset)
     trainer.clone()
-    assert restarting.steps == 2 * collector.steps > 0
-    assert trainer.environment_steps == collector.steps + restarting.steps
+    assert autoreset.steps == 2 * collector.steps > 0
+    assert trainer.environment_steps == collector.steps + autoreset.steps
     assert trainer.state_dict()["snapshots"].shape[:2].numel() == trainer.environment_steps
-    trainer.sweep()
-    assert restarting.steps + collector.steps == trainer.environment_steps
+    trainer.iterate()
+    assert autoreset.steps + collector.steps == trainer.environment_steps
 
 
 @pytest.mark.parametrize(
@@ -111,8 +113,8 @@ def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_example
         {"task_gradient_penalty": 0.1},
         {"penalty_above": 5.0},
         {"cross_weight": 0.3, "cross_reaches_task": False, "cross_demonstrations": 1.0},
-        {"uses_density": False, "demonstrations_per_sweep": 2},
-        {"centre_density": True, "first_steps": 4},
+        {"uses_log_prob": False, "demonstrations_per_iteration": 2},
+        {"centre_log_prob": True, "first_steps": 4},
     ],
     ids=lambda changes: "+".join(changes),
 )
@@ -126,7 +128,7 @@ def test_slope_penalty_of_the_task_reward_flattens_it_alone() -> None:
     def slope(weight: float) -> float:
         config = replace(BASE, discriminator=replace(BASE.discriminator, task_gradient_penalty=weight))
         states = torch.randn(1, 200, 2, generator=torch.Generator().manual_seed(0)).requires_grad_(True)
-        model = run(config, sweeps=20).rewards
+        model = run(config, iterations=20).rewards
         (gradient,) = torch.autograd.grad(model.task_network(states).sum(), states)
         return float(gradient.square().mean())
 
@@ -136,7 +138,7 @@ def test_slope_penalty_of_the_task_reward_flattens_it_alone() -> None:
 @pytest.mark.parametrize("form", list(RewardForm))
 def test_forms_train_what_they_use_and_nothing_else(form: RewardForm) -> None:
     config = replace(BASE, reward=RewardConfig(form=form, shaping=True, sees_action=True))
-    start, end = run(config, sweeps=1), run(config, sweeps=2)
+    start, end = run(config, iterations=1), run(config, iterations=2)
     task = torch.equal(start.rewards.task_network.flat(), end.rewards.task_network.flat())
     own = torch.equal(start.rewards.strategy_network.flat(), end.rewards.strategy_network.flat())
     assert task == (form is RewardForm.STRATEGY_ONLY)
@@ -151,7 +153,7 @@ def test_baselines_share_budget_and_interface() -> None:
     ]
     for trainer in trainers:
         trainer.clone()
-        trainer.sweep()
+        trainer.iterate()
     assert len({trainer.environment_steps for trainer in trainers}) == 1
     assert trainers[1].policies.strategies == 1
 
@@ -163,24 +165,24 @@ def test_presets_are_consistent() -> None:
     assert (printed.cross_weight, printed.penalise_all) == (0.0, False)
     assert (printed.gradient_penalty, printed.task_gradient_penalty, printed.penalty_above) == (0, 0, 1)
     strokes = table_tennis(("position",), ("speed",))
-    strokes = replace(strokes, sweeps=1, episodes=3, cloning=replace(strokes.cloning, steps=10))
-    run(strokes, sweeps=1, clone=True)
+    strokes = replace(strokes, iterations=1, episodes=3, cloning=replace(strokes.cloning, steps=10))
+    run(strokes, iterations=1, clone=True)
 
 
 def test_msrd_moves_policies_and_tells_strategies_apart() -> None:
     """From random policies, without cloning: each strategy must find its own place by its reward."""
     config = MSRDConfig(
-        sweeps=60,
+        iterations=60,
         episodes=10,
         discount=0.95,
         policy_reward=PolicyReward.REWARD,
         reward=RewardConfig(hidden=(16, 16)),
         discriminator=DiscriminatorConfig(
-            steps=5, batch=128, learning_rate=5e-3, cross_weight=0.3, uses_density=False
+            steps=5, batch=128, learning_rate=5e-3, cross_weight=0.3, uses_log_prob=False
         ),
         trust_region=replace(BASE.trust_region, kl=0.05),
     )
-    trainer = run(config, sweeps=60)
+    trainer = run(config, iterations=60)
     collector = BatchedCollector(PointMass())
     played = collector.collect(trainer.policies, 20, np.random.default_rng(1), deterministic=True)
     places = played.observations[:, :, -1, 0].mean(axis=1)
@@ -195,7 +197,7 @@ def test_known_rewards_of_a_grid_world_are_recovered() -> None:
     """
     one_hot = FeatureConfig(scales=(1.0,) * CELLS)
     config = MSRDConfig(
-        sweeps=100,
+        iterations=100,
         episodes=80,
         discount=DISCOUNT,
         policy_reward=PolicyReward.LOGIT,
@@ -203,7 +205,7 @@ def test_known_rewards_of_a_grid_world_are_recovered() -> None:
         discriminator=DiscriminatorConfig(
             batch=512, learning_rate=0.1, weight_decay=0.0, penalty_weight=0.03
         ),
-        replay=ReplayConfig(keep=800, sweeps=20, replay_share=0.5),
+        replay=ReplayConfig(keep=800, iterations=20, replay_share=0.5),
         policy=PolicyConfig(features=one_hot),
         trust_region=TrustRegionConfig(kl=0.03, damping=0.01, fisher_fraction=1.0),
         value=ValueConfig(hidden=(), learning_rate=0.03, sees_time=False, bootstrap=True),
@@ -211,8 +213,8 @@ def test_known_rewards_of_a_grid_world_are_recovered() -> None:
     data = grid_demonstrations()
     policies = CategoricalPolicies(2, one_hot.build(data), 5, (), torch.Generator().manual_seed(0))
     trainer = MSRD(config, data, BatchedCollector(GridWorld()), 0, policies)
-    for _ in range(config.sweeps):
-        trainer.sweep()
+    for _ in range(config.iterations):
+        trainer.iterate()
 
     cells = torch.eye(CELLS).expand(2, -1, -1)
     packed = torch.cat([cells, torch.zeros(2, CELLS, 1), cells, torch.zeros(2, CELLS, 2)], dim=-1)
@@ -242,14 +244,14 @@ def test_classifier_learns_which_strategy_a_state_belongs_to() -> None:
     assert (posterior.argmax(dim=0) == torch.arange(3).repeat_interleave(6)).all()
 
 
-def test_taught_rewards_are_the_truth_where_anybody_demonstrated() -> None:
+def test_supervised_rewards_are_the_truth_where_anybody_demonstrated() -> None:
     data = point_demonstrations()
 
     def truth(states: torch.Tensor) -> torch.Tensor:
         return torch.stack([2.0 * states[:, 0], -states[:, 0], states[:, 0].abs() - 3.0])
 
     features = FeatureConfig().build(data)
-    taught = TaughtRewards(3, features, (16,), torch.Generator().manual_seed(0))
+    taught = SupervisedRewards(3, features, (16,), torch.Generator().manual_seed(0))
     taught.fit(DemonstrationPool(data), truth, steps=1200)
     states = torch.as_tensor(data.observations[:, :, 1:], dtype=torch.float32).flatten(0, 2)
     for found, wanted in zip(taught.table(states), truth(states), strict=True):
@@ -260,34 +262,34 @@ def test_taught_rewards_are_the_truth_where_anybody_demonstrated() -> None:
     assert beyond.max() <= high
 
 
-def test_lasting_rewards_leave_the_run_as_it_is_and_need_a_past() -> None:
+def test_rewards_refitted_on_replay_leave_the_run_as_it_is_and_need_a_past() -> None:
     config = replace(
         BASE,
         replay=ReplayConfig(replay_share=0.3, snapshot_share=0.2),
         cloning=CloningConfig(steps=5, snapshots=(0,)),
     )
     asked, silent = run(config, clone=True), run(config, clone=True)
-    lasting, again = asked.lasting_rewards(6), asked.lasting_rewards(6)
+    lasting, again = asked.refit_on_replay(6), asked.refit_on_replay(6)
     assert torch.equal(lasting.task_network.flat(), again.task_network.flat())
     assert not torch.equal(lasting.task_network.flat(), asked.rewards.task_network.flat())
     assert not torch.equal(lasting.task_network.flat(), asked.averaged_rewards.task_network.flat())
-    asked.sweep()
-    silent.sweep()
+    asked.iterate()
+    silent.iterate()
     assert torch.equal(asked.policies.flat(), silent.policies.flat())
     assert torch.equal(asked.rewards.task_network.flat(), silent.rewards.task_network.flat())
     with pytest.raises(ValueError, match="replay"):
-        run(BASE).lasting_rewards(6)
+        run(BASE).refit_on_replay(6)
 
 
-def test_lasting_rewards_tell_demonstrations_from_what_was_done_long_ago() -> None:
+def test_rewards_refitted_on_replay_tell_demonstrations_from_what_was_done_long_ago() -> None:
     config = replace(
         BASE,
-        sweeps=30,
+        iterations=30,
         replay=ReplayConfig(replay_share=0.3, snapshot_share=0.2),
         cloning=CloningConfig(steps=40, snapshots=(0,)),
         discriminator=replace(BASE.discriminator, steps=10),
     )
-    trainer = run(config, sweeps=30, clone=True)
+    trainer = run(config, iterations=30, clone=True)
     past = trainer._snapshots
     assert past is not None
     demonstrated = trainer._demonstrations.sample(
@@ -295,6 +297,6 @@ def test_lasting_rewards_tell_demonstrations_from_what_was_done_long_ago() -> No
     )
     margins = [
         float((rewards(demonstrated).combined.mean() - rewards(past).combined.mean()).detach())
-        for rewards in (trainer.averaged_rewards, trainer.lasting_rewards(200))
+        for rewards in (trainer.averaged_rewards, trainer.refit_on_replay(200))
     ]
     assert margins[1] > margins[0]

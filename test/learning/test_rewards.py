@@ -141,15 +141,17 @@ def test_cross_negatives_come_from_every_other_strategy_and_never_from_the_own(s
 
 def test_cross_negatives_never_come_from_who_shares_the_reward() -> None:
     packed = torch.arange(5).float()[:, None, None].expand(5, 30, 7).contiguous()
-    owners = torch.tensor([0, 1, 0, 2, 1])
+    reward_groups = torch.tensor([0, 1, 0, 2, 1])
     generator = torch.Generator().manual_seed(0)
-    drawn = of_others(Transitions(packed, 2, 1), 400, generator, owners).packed[..., 0].int()
+    drawn = of_others(Transitions(packed, 2, 1), 400, generator, reward_groups).packed[..., 0].int()
     for own in range(5):
-        assert set(drawn[own].tolist()) == {other for other in range(5) if owners[other] != owners[own]}
+        assert set(drawn[own].tolist()) == {
+            other for other in range(5) if reward_groups[other] != reward_groups[own]
+        }
 
 
 def test_strategies_may_share_a_strategy_reward() -> None:
-    rewards = model(RewardForm.TWO_COLUMN, owners=(0, 1, 0), alpha=1.0)
+    rewards = model(RewardForm.TWO_COLUMN, reward_groups=(0, 1, 0), alpha=1.0)
     assert rewards.strategy_network.copies == 2
     states = transitions()
     alike = Transitions(states.packed[:1].expand(3, -1, -1), 2, 1)
@@ -160,8 +162,8 @@ def test_strategies_may_share_a_strategy_reward() -> None:
     own = rewards.strategy_network(torch.stack([scaled[2], scaled[1]]))[..., 0]
     torch.testing.assert_close(rewards(states).strategy[1:], own.flip(0))
     for wrong in ((0, 1), (0, 2, 2)):
-        with pytest.raises(ValueError, match="owners"):
-            model(RewardForm.TWO_COLUMN, owners=wrong)
+        with pytest.raises(ValueError, match="reward_groups"):
+            model(RewardForm.TWO_COLUMN, reward_groups=wrong)
 
 
 def test_average_is_the_mean_at_first_and_then_forgets() -> None:

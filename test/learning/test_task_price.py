@@ -11,20 +11,21 @@ from learning_problems import PointMass, point_demonstrations
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
 from msrd_ros.learning.config import DiscriminatorConfig, MSRDConfig
 from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.presets import as_printed, hopper
+from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Transitions
+from msrd_ros.studies.hopper.presets import hopper
 
-BASE = MSRDConfig(sweeps=3, discriminator=DiscriminatorConfig(steps=60, batch=32, learning_rate=1e-2))
+BASE = MSRDConfig(iterations=3, discriminator=DiscriminatorConfig(steps=60, batch=32, learning_rate=1e-2))
 
 
 def size(maker: type[MSRD], price: float) -> float:
-    """Root mean square of the shared reward (of R_i where nothing is shared) after three sweeps."""
+    """Root mean square of the shared reward (of R_i where nothing is shared) after three iterations."""
     config = replace(BASE, discriminator=replace(BASE.discriminator, task_penalty_weight=price))
     data = point_demonstrations()
     trainer = maker(config, data, BatchedCollector(PointMass()), 0)
     for _ in range(3):
-        trainer.sweep()
+        trainer.iterate()
     strategies = trainer.rewards.strategies
     states = torch.as_tensor(data.observations[:1], dtype=torch.float32).expand(strategies, -1, -1, -1)
     actions = torch.as_tensor(data.actions[:1], dtype=torch.float32).expand(strategies, -1, -1, -1)

@@ -136,7 +136,7 @@ def test_cloning_recovers_the_demonstrated_actions() -> None:
 
 
 def test_corrective_labels_point_back_to_the_demonstration() -> None:
-    config = CloningConfig(state_noise=(("b", 0.5),), corrections=(("b", "u", 4.0),))
+    config = CloningConfig(state_noise=(("b", 0.5),), recovery_labels=(("b", "u", 4.0),))
     noise, correction = perturbation(config, ("a", "b"), ("t", "u"))
     assert noise.tolist() == [0.0, 0.5]
     offset = torch.tensor([0.0, 0.1])

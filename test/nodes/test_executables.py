@@ -31,7 +31,7 @@ ANSWER_TIMEOUT_S = 120.0
 """A simulator answers once it has compiled, which takes a fresh installation up to a minute."""
 
 INSTEAD_OF_DEFAULTS: dict[str, dict[str, object]] = {"trainer": {"source": "played"}}
-"""A trainer ends the sweep under way first, and a fresh installation compiles for half a minute in it."""
+"""A trainer ends the iteration under way first, and a fresh installation compiles for half a minute in it."""
 
 pytestmark = pytest.mark.processes
 

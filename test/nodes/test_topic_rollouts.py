@@ -73,7 +73,7 @@ def drawn(policies: StrokePolicies, seed: int, balls_before: int) -> StrokeBatch
 def test_workers_and_topics_give_the_same_arrays(
     shared_stack: Stack, over_topics: TopicCollector, workers: BulletPlayers
 ) -> None:
-    """Two batches, of the same policies with other draws, as two sweeps might play them."""
+    """Two batches, of the same policies with other draws, as two iterations might play them."""
     policies = made_up_policies(LABELS, log_std=-2.0)
     batches = [drawn(policies, seed, seed * len(LABELS) * EPISODES) for seed in range(2)]
     starts = []

@@ -19,13 +19,13 @@ from stack import Stack
 pytestmark = pytest.mark.processes
 
 LABELS = ALL_LABELS[:2]
-SWEEPS = 8
+ITERATIONS = 8
 TINY: dict[str, Any] = {
     "labels": f"[{', '.join(map(str, LABELS))}]",
     "subjects": "[subject_01]",
     "episodes": 8,
-    "rehearse_every": 1,
-    "rehearse_balls": 4,
+    "evaluate_every": 1,
+    "evaluation_balls": 4,
     "workers": 1,
     "torch_threads": 1,
 }
@@ -46,30 +46,30 @@ def test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor(
     sent: list[UInt8MultiArray] = []
     stack.node.create_subscription(DiagnosticArray, "training/progress", progress.append, EVENT)
     stack.node.create_subscription(UInt8MultiArray, "policy", sent.append, LATCHED)
-    whole_run = stack.start("trainer", **TINY, out=whole, sweeps=SWEEPS)
+    whole_run = stack.start("trainer", **TINY, out=whole, iterations=ITERATIONS)
     stack.wait_until(lambda: sent and progress, "policies and progress", 200.0, whole_run)
     expected = finish(whole_run, whole)
     assert expected.labels == LABELS
     assert [status.name for status in progress[0].status] == ["trainer"]
     result = json.loads((whole / "training.json").read_text())
-    assert result["sweeps"] == SWEEPS
+    assert result["iterations"] == ITERATIONS
     assert result["demonstrations"] == {str(label): 3 for label in LABELS}
-    assert [row["sweep"] for row in result["curve"]] == list(range(SWEEPS + 1))
+    assert [row["iteration"] for row in result["curve"]] == list(range(ITERATIONS + 1))
     assert list((whole / "tensorboard").iterdir())
 
-    interrupted = stack.start("trainer", **TINY, out=parts, sweeps=SWEEPS)
+    interrupted = stack.start("trainer", **TINY, out=parts, iterations=ITERATIONS)
     assert stack.trigger("trainer/checkpoint").success
     stack.wait_until((parts / "checkpoint.safetensors").exists, "checkpoint", 200.0, interrupted)
     assert stack.trigger("trainer/stop").success
     finish(interrupted, parts)
-    done = json.loads((parts / "training.json").read_text())["sweeps"]
-    assert 0 < done < SWEEPS
+    done = json.loads((parts / "training.json").read_text())["iterations"]
+    assert 0 < done < ITERATIONS
 
     executor = stack.start("executor")
     executor.wait_for_line("ready: lockstep, no policies yet")
     stack.start_simulator(show=False)
-    resumed = stack.start("trainer", **TINY, out=parts, sweeps=SWEEPS, resume=True)
-    resumed.wait_for_line(f"goes on from sweep {done} of {parts}", 200.0)
+    resumed = stack.start("trainer", **TINY, out=parts, iterations=ITERATIONS, resume=True)
+    resumed.wait_for_line(f"goes on from iteration {done} of {parts}", 200.0)
     assert finish(resumed, parts).digest == expected.digest
     # Published last, while training still ran: the policies that were written.
     stack.wait_until(
@@ -78,8 +78,8 @@ def test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor(
 
 
 def test_services_checkpoint_and_stop(stack: Stack, tmp_path: Path) -> None:
-    quick = {**TINY, "rehearse_every": 0}
-    trainer = stack.start("trainer", **quick, out=tmp_path, sweeps=100_000, checkpoint_every=0)
+    quick = {**TINY, "evaluate_every": 0}
+    trainer = stack.start("trainer", **quick, out=tmp_path, iterations=100_000, checkpoint_every=0)
     assert stack.trigger("trainer/checkpoint").success
     again = stack.trigger("trainer/start")
     assert not again.success
@@ -90,7 +90,7 @@ def test_services_checkpoint_and_stop(stack: Stack, tmp_path: Path) -> None:
     assert stack.trigger("trainer/stop").success
     policies = finish(trainer, tmp_path)
     assert policies.labels == LABELS
-    assert 0 < json.loads((tmp_path / "training.json").read_text())["sweeps"] < 100_000
+    assert 0 < json.loads((tmp_path / "training.json").read_text())["iterations"] < 100_000
 
 
 def test_without_demonstrations_there_is_nothing_to_start(stack: Stack, tmp_path: Path) -> None:

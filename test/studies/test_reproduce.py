@@ -23,7 +23,7 @@ from msrd_ros.studies.inverted_pendulum.environment import has_fallen, task_rewa
 from msrd_ros.studies.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.studies.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.studies.reproduce import STUDIES, main
-from msrd_ros.studies.shared.cache_keys import kept
+from msrd_ros.studies.shared.cache import cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import correlation, evaluate, make_test_set, normalised
 from msrd_ros.studies.shared.frozen_rewards import frozen_rewards, pessimistic
@@ -70,7 +70,7 @@ def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[P
 @pytest.mark.parametrize("method", [Method.MSRD, Method.AIRL, Method.CLASSIFIER])
 def test_same_seed_same_numbers(method: Method) -> None:
     data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
-    budget = Budget(sweeps=2, episodes=1, horizon=200, cloning_steps=20, classifier_steps=20)
+    budget = Budget(iterations=2, episodes=1, horizon=200, cloning_steps=20, classifier_steps=20)
     first, again, other = (train(PENDULUM, method, data, budget, seed).tensors() for seed in (3, 3, 4))
     names = [name for name in first if name.endswith("weights.0")]
     assert names
@@ -81,7 +81,7 @@ def test_same_seed_same_numbers(method: Method) -> None:
 
 def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
+    budget = Budget(iterations=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
     plan = replace(StudyPlan.quick(), budget=budget, demonstrations=2)
     methods = (Method.MSRD, Method.CLASSIFIER)
     found = []
@@ -98,7 +98,7 @@ def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest
 
 def test_an_ensemble_says_the_mean_of_its_members() -> None:
     data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
-    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, members=3)
+    budget = Budget(iterations=1, horizon=100, cloning_steps=10, members=3)
     estimate = train(PENDULUM, Method.MSRD, data, budget, 5)
     states = torch.as_tensor(data.observations[:, 0, ::25]).reshape(-1, 4)
     assert len(estimate.members) == 3
@@ -263,7 +263,7 @@ def test_pessimism_costs_what_the_runs_disagree_about() -> None:
 def test_a_kept_run_says_the_same_as_the_run_itself(method: Method) -> None:
     demonstrators = cached_demonstrators(Kind.DIAYN)
     data = demonstrators.demonstrate(2, seed=9)
-    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10)
+    budget = Budget(iterations=1, horizon=100, cloning_steps=10, classifier_steps=10)
     estimate = train(PENDULUM, method, data, budget, 5, truth=demonstrators.truth)
     again = restore(PENDULUM, estimate.tensors(), method, data, budget)
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
@@ -284,19 +284,19 @@ def test_a_result_is_made_once(tmp_path: Path) -> None:
         calls.append(1)
         return {"row": (0.1, None)}
 
-    found = [kept(tmp_path / "found.json", make) for _ in range(2)]
+    found = [cached(tmp_path / "found.json", make) for _ in range(2)]
     assert found == [{"row": [0.1, None]}] * 2
     assert len(calls) == 1
 
 
 @pytest.mark.parametrize(
     "method",
-    [Method.MSRD, Method.AIRL, Method.AIRL_EACH, Method.CLASSIFIER, Method.ORACLE, Method.TAUGHT],
+    [Method.MSRD, Method.AIRL, Method.AIRL_EACH, Method.CLASSIFIER, Method.ORACLE, Method.SUPERVISED],
 )
 def test_rewards_row_by_row_are_the_own_rows_of_the_table(method: Method) -> None:
     demonstrators = cached_demonstrators(Kind.DIAYN)
     data = demonstrators.demonstrate(2, seed=9)
-    budget = Budget(sweeps=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
+    budget = Budget(iterations=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
     estimate = train(PENDULUM, method, data, budget, 5, truth=demonstrators.truth)
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
     assert estimate.strategies is not None or method is Method.AIRL

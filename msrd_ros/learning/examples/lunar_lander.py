@@ -82,7 +82,7 @@ def train_landers(seed: int) -> GaussianPolicies:
     )
     best, parameters = torch.full((2,), -torch.inf), policies.flat()
     for update in range(1, UPDATES + 1):
-        training.sweep()
+        training.iterate()
         if update % CANDIDATE_EVERY == 0:
             played = GymCollector(environment).collect(policies, 10, np.random.default_rng([seed, 1]), True)
             score = LandingReward().reward(played, policies).sum(dim=-1).mean(dim=-1)

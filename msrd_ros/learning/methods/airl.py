@@ -21,11 +21,11 @@ class Airl(Method):
     title = "AIRL on all demonstrations"
 
     def configure(self, config: MSRDConfig, strategies: int) -> MSRDConfig:
-        """R_i = R0; plays and samples as many transitions a sweep as MSRD does for all strategies."""
+        """R_i = R0; plays and samples as many transitions an iteration as MSRD does for all strategies."""
         return replace(
             config,
             episodes=config.episodes * strategies,
-            reward=replace(config.reward, form=RewardForm.TASK_ONLY, alpha=1.0),
+            reward=replace(config.reward, form=RewardForm.TASK_ONLY, alpha=1.0, reward_groups=()),
             discriminator=replace(
                 config.discriminator,
                 batch=config.discriminator.batch * strategies,

@@ -16,6 +16,6 @@ class Cloning(Method):
     has_rewards = False
 
     def configure(self, config: MSRDConfig, strategies: int) -> MSRDConfig:
-        """No sweeps, and no bad examples for a discriminator that there is not."""
-        cloning = replace(config.cloning, snapshots=(), disturbances=(), restarts=())
-        return replace(config, sweeps=0, cloning=cloning)
+        """No iterations, and no bad examples for a discriminator that there is not."""
+        cloning = replace(config.cloning, snapshots=(), noise_levels=(), restarts=())
+        return replace(config, iterations=0, cloning=cloning)

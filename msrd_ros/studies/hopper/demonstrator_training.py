@@ -191,7 +191,7 @@ def _train(
     recipe: Recipe, policies: GaussianPolicies, diversity: RewardSource, progress: Callable[[str], None]
 ) -> list[Tensor]:
     """Run all stages; snapshots of the policies, ``[S, P]`` each."""
-    gets_up = (True,) * recipe.upright + (False,) * recipe.free
+    autoreset = (True,) * recipe.upright + (False,) * recipe.free
     training = PolicyTraining(
         policies,
         hopper_features(),
@@ -206,13 +206,13 @@ def _train(
     )
     snapshots: list[Tensor] = []
     done = 0
-    for sweeps, episodes, steps in recipe.stages:
-        training.collector, training.episodes = BatchedCollector(Hopper(steps, gets_up=gets_up)), episodes
-        for _ in range(sweeps):
-            metrics = training.sweep()
+    for iterations, episodes, steps in recipe.stages:
+        training.collector, training.episodes = BatchedCollector(Hopper(steps, autoreset=autoreset)), episodes
+        for _ in range(iterations):
+            metrics = training.iterate()
             done += 1
             if done % 20 == 0:
-                progress(f"demonstrators: sweep {done}, reward {metrics['reward']:.2f}")
+                progress(f"demonstrators: iteration {done}, reward {metrics['reward']:.2f}")
             if done % recipe.snapshot_every == 0:
                 snapshots.append(policies.flat())
     return snapshots

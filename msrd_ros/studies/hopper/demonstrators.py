@@ -68,9 +68,9 @@ class Recipe:
         Speed from which on the upright ones gain nothing more, in m/s: without it they take runs that end in
         a fall, again and again.
     stages
-        (sweeps, episodes, steps): TRPO updates on so many episodes per strategy of so many steps.
+        (iterations, episodes, steps): TRPO updates on so many episodes per strategy of so many steps.
     snapshot_every
-        Sweeps between two copies of the policies, which are candidates as well.
+        Iterations between two copies of the policies, which are candidates as well.
     kl
         Trust region.
     std

@@ -102,7 +102,7 @@ class Hopper:
     random_actions
         Probability with which an action is replaced by a uniformly random one, one value for all or
         ``[S, K]``: the noise injection (Brown et al., 2019) that makes trajectories of various quality.
-    gets_up
+    autoreset
         Whether an episode starts again, one step after it stopped being healthy, for all or per strategy: for
         training demonstrators, and for bad examples.
     """
@@ -115,11 +115,11 @@ class Hopper:
         horizon: int = EPISODE_STEPS,
         body: HopperBody | None = None,
         random_actions: float | NDArray[np.float64] = 0.0,
-        gets_up: bool | tuple[bool, ...] = False,
+        autoreset: bool | tuple[bool, ...] = False,
     ) -> None:
         self.horizon = self.acting_steps = horizon
         self._random_actions = np.asarray(random_actions, dtype=np.float64)
-        self._gets_up = gets_up
+        self._autoreset = autoreset
         self._model = (body or HopperBody()).model()
         threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self._data = [mujoco.MjData(self._model) for _ in range(threads)]
@@ -154,7 +154,7 @@ class Hopper:
             state=self._results,
             **arguments,
         )
-        fallen = self._down() if self._gets_up else None
+        fallen = self._down() if self._autoreset else None
         speed = (self._results[:, -1, 1] - self._physics[:, 1]) / CONTROL_PERIOD_S
         self._physics = self._results[:, -1].copy()
         if fallen is not None and fallen.any():
@@ -172,7 +172,7 @@ class Hopper:
     def _down(self) -> NDArray[np.bool_]:
         """Episodes that are to start again, ``[S * K]``."""
         strategies, episodes = self._shape
-        strict = np.repeat(np.broadcast_to(self._gets_up, strategies), episodes)
+        strict = np.repeat(np.broadcast_to(self._autoreset, strategies), episodes)
         return np.asarray(strict & ~is_healthy(self._physics[:, 1:]))
 
     def _observe(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:

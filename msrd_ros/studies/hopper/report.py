@@ -61,9 +61,9 @@ def _tables(report: Report, metrics: dict[str, Any]) -> None:
         f"Mean and standard deviation over {len(metrics['seeds'])} run(s): each seed with each of "
         f"{len(metrics['demonstrators'])} independently trained pair(s) of demonstrators. Every method has "
         "the same demonstrations, networks, budget and environment steps; the rewards judged are the moving "
-        "average of the weights after the last planned sweep. Task r: correlation of mean estimated reward "
-        "with the true mean speed, over noise-injected trajectories of hop and crawl; over gaits that no "
-        "method has ever seen; over hops that never fell and all crawls."
+        "average of the weights after the last planned iteration. Task r: correlation of mean estimated "
+        "reward with the true mean speed, over noise-injected trajectories of hop and crawl; over gaits that "
+        "no method has ever seen; over hops that never fell and all crawls."
     )
     _task_table(report, methods)
     report.heading("Strategy rewards")
@@ -87,12 +87,12 @@ def _pairs_table(report: Report, metrics: dict[str, Any]) -> None:
         "Marks of MSRD, and of the regression that knows the true preferences of all demonstrated states: "
         "where it fails, demonstrations do not tell."
     )
-    ours, taught = metrics["methods"]["msrd"], metrics["methods"]["taught"]
+    ours, supervised = metrics["methods"]["msrd"], metrics["methods"]["supervised"]
     rows = []
     for pair in metrics["demonstrators"]:
         own = [index for index, name in enumerate(metrics["pairs"]) if name == pair]
         cells = [sections.spread([ours[mark][index] for index in own]) for mark in TASK_MARKS]
-        cells += [_pairs([row["strategy_r"][index] for index in own]) for row in (ours, taught)]
+        cells += [_pairs([row["strategy_r"][index] for index in own]) for row in (ours, supervised)]
         rows.append([pair, *cells])
     titles = [title for mark, title in COLUMNS if mark in TASK_MARKS]
     report.table(["pair", *titles, "strategy r, hop / crawl", "regression on the truth"], rows)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.learning.config import MSRDConfig
-from msrd_ros.learning.presets import hopper
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.studies.hopper.demonstrators import FEATURE_SCALES, hopper_features
 from msrd_ros.studies.hopper.environment import (
@@ -22,6 +21,7 @@ from msrd_ros.studies.hopper.environment import (
     is_healthy,
     task_reward,
 )
+from msrd_ros.studies.hopper.presets import hopper
 from msrd_ros.studies.shared.methods import Method
 from msrd_ros.studies.shared.task import VirtualTask
 
@@ -46,9 +46,9 @@ def make_collector(
     return BatchedCollector(Hopper(horizon, body, random_actions))
 
 
-def make_restarting(horizon: int) -> BatchedCollector:
+def make_autoreset(horizon: int) -> BatchedCollector:
     """Where an episode that stopped being healthy starts again, as in Gymnasium's own Hopper."""
-    return BatchedCollector(Hopper(horizon, gets_up=True))
+    return BatchedCollector(Hopper(horizon, autoreset=True))
 
 
 def preset() -> MSRDConfig:
@@ -89,6 +89,6 @@ HOPPER = VirtualTask(
     has_fallen,
     NOISE_LEVELS,
     OBSERVATION_NAMES.index("torso_z"),
-    make_restarting,
+    make_autoreset,
     {Method.AIRL.value: airl_preset, Method.MSRD_AS_PRINTED.value: as_printed_preset},
 )

@@ -40,7 +40,7 @@ class TransferPlan:
 
     Attributes
     ----------
-    sweeps, episodes, horizon
+    iterations, episodes, horizon
         TRPO updates, rollouts per policy and update, steps per rollout.
     starts
         Random initial policies for every reward.
@@ -48,7 +48,7 @@ class TransferPlan:
         Of initial weights, training and judging.
     """
 
-    sweeps: int = 150
+    iterations: int = 150
     episodes: int = 6
     horizon: int = 250
     starts: int = 4
@@ -126,8 +126,8 @@ def _train(plan: TransferPlan, functions: list[Rewards]) -> GaussianPolicies:
         0.97,
         plan.seed,
     )
-    for _ in range(plan.sweeps):
-        training.sweep()
+    for _ in range(plan.iterations):
+        training.iterate()
     return policies
 
 
@@ -135,7 +135,7 @@ def _clones(demonstrations: Demonstrations, seed: int) -> GaussianPolicies:
     """Hop and crawl by plain behaviour cloning, no rewards at all."""
     policies = gait_policies(demonstrations.strategies, torch.Generator().manual_seed(seed), 0.15)
     layout = demonstrations.layout
-    settings = replace(preset().cloning, steps=3000, batch=256, snapshots=(), disturbances=(), restarts=())
+    settings = replace(preset().cloning, steps=3000, batch=256, snapshots=(), noise_levels=(), restarts=())
     clone(
         policies,
         DemonstrationPool(demonstrations),

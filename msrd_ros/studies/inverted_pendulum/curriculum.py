@@ -16,7 +16,7 @@ class Stage:
 
     Attributes
     ----------
-    sweeps
+    iterations
         TRPO updates.
     episodes
         Rollouts per strategy and update.
@@ -24,7 +24,7 @@ class Stage:
         Steps per rollout, of 0.04 s each.
     """
 
-    sweeps: int
+    iterations: int
     episodes: int
     horizon: int
 
@@ -49,8 +49,8 @@ def train_in_stages(
     for stage in stages:
         training.collector = PendulumCollector(stage.horizon, body)
         training.episodes = stage.episodes
-        for done in range(1, stage.sweeps + 1):
-            metrics = training.sweep()
-            if done % 20 == 0 or done == stage.sweeps:
-                which = f"{done} of {stage.sweeps} updates on {stage.horizon} steps"
+        for done in range(1, stage.iterations + 1):
+            metrics = training.iterate()
+            if done % 20 == 0 or done == stage.iterations:
+                which = f"{done} of {stage.iterations} updates on {stage.horizon} steps"
                 progress(f"{which}, reward {metrics['reward']:.3f}")

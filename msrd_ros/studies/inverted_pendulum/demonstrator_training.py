@@ -59,7 +59,7 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     generator = torch.Generator().manual_seed(recipe.seed)
     count = STRATEGIES if recipe.kind is Kind.KNOWN_PREFERENCE else recipe.candidates
     policies = fresh_policies(count, generator)
-    if recipe.start_sweeps:
+    if recipe.start_iterations:
         start = _balancing_policies(recipe, generator).flat()
         start[:, -1] = float(np.log(0.3))  # room to explore again
         policies.set_flat(start.expand(count, -1))
@@ -79,8 +79,8 @@ def make_demonstrators(recipe: Recipe, progress: Callable[[str], None] = lambda 
     else:
         source = PreferenceReward(KnownPreferences.twenty(), recipe.weight)
     training = _training(policies, source, recipe.episodes, recipe)
-    short = Stage(recipe.short_sweeps, recipe.episodes, recipe.short_steps)
-    long = Stage(recipe.long_sweeps, 3, 1000)
+    short = Stage(recipe.short_iterations, recipe.episodes, recipe.short_steps)
+    long = Stage(recipe.long_iterations, 3, 1000)
     train_in_stages(training, (short, long), progress=lambda line: progress(f"demonstrators: {line}"))
     if isinstance(source, DiaynReward):
         _settle_posterior(source, policies, recipe.seed)
@@ -110,12 +110,12 @@ def _balancing_policies(recipe: Recipe, generator: torch.Generator) -> GaussianP
         policies = fresh_policies(recipe.candidates, generator)
         middle = _in_the_middle(recipe.candidates, 0.4)
         training = _training(policies, middle, recipe.episodes, replace(recipe, kl=_START_KL))
-        train_in_stages(training, (*_STANDING, Stage(recipe.start_sweeps, 5, 300)))
+        train_in_stages(training, (*_STANDING, Stage(recipe.start_iterations, 5, 300)))
         return policies
     policy = fresh_policies(1, torch.Generator().manual_seed(recipe.seed + 10))
     training = _training(policy, _in_the_middle(1, 0.4), 4 * recipe.episodes, recipe)
-    for _ in range(recipe.start_sweeps):
-        training.sweep()
+    for _ in range(recipe.start_iterations):
+        training.iterate()
     return policy
 
 

@@ -56,16 +56,16 @@ class Recipe:
         Weight of the diversity or preference reward beside the task reward.
     bound
         KL-encouraged: largest divergence of a pair that counts, in nats.
-    start_sweeps
+    start_iterations
         Updates on the task and staying in the middle, before anything else; 0: none. Known preference: of one
         policy, from which all candidates then start. KL-encouraged: of every candidate, on 300 steps, after
         stages on shorter episodes.
-    short_sweeps, short_steps, long_sweeps
+    short_iterations, short_steps, long_iterations
         TRPO updates on episodes of that many steps, then updates on the full 1,000.
     blur
         DIAYN: resolution at which the posterior sees states, in the features' scale (0.05 is 2.5 cm).
     episodes
-        Short episodes per strategy and sweep.
+        Short episodes per strategy and iteration.
     kl
         Trust region.
     """
@@ -75,10 +75,10 @@ class Recipe:
     candidates: int = 25
     weight: float = 0.1
     bound: float = 10.0
-    start_sweeps: int = 0
-    short_sweeps: int = 220
+    start_iterations: int = 0
+    short_iterations: int = 220
     short_steps: int = 200
-    long_sweeps: int = 30
+    long_iterations: int = 30
     blur: float = 0.05
     episodes: int = 10
     kl: float = 0.03

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.learning.presets import inverted_pendulum, inverted_pendulum_as_printed
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.studies.inverted_pendulum.demonstrators import Kind, cached_demonstrators
 from msrd_ros.studies.inverted_pendulum.environment import (
@@ -21,10 +20,11 @@ from msrd_ros.studies.inverted_pendulum.environment import (
     has_fallen,
     task_reward,
 )
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum, inverted_pendulum_as_printed
 from msrd_ros.studies.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.studies.inverted_pendulum.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
-from msrd_ros.studies.shared.cache_keys import digest, kept
+from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.methods import Budget, Method
 from msrd_ros.studies.shared.runs import Runs, silent
 from msrd_ros.studies.shared.task import VirtualTask
@@ -40,7 +40,7 @@ NON_CIRCULAR_METHODS = (
     Method.AIRL_EACH_CROSS,
     Method.CLASSIFIER,
     Method.ORACLE,
-    Method.TAUGHT,
+    Method.SUPERVISED,
 )
 
 
@@ -62,7 +62,7 @@ PENDULUM = VirtualTask(
     task_reward=task_reward,
     has_fallen=has_fallen,
     noise_levels=NOISE_LEVELS,
-    telling_column=OBSERVATION_NAMES.index("cart_position"),
+    identifying_feature=OBSERVATION_NAMES.index("cart_position"),
     own_presets=dict.fromkeys((Method.MSRD_AS_PRINTED, Method.AIRL_EACH), inverted_pendulum_as_printed),
 )
 
@@ -94,7 +94,7 @@ class StudyPlan:
     seeds: int = 5
     other_truth_seeds: int = 5
     # One run in ten has a task r of .996 or less, whatever the demonstrations; the mean of three has not.
-    budget: Budget = field(default_factory=lambda: Budget(sweeps=80, members=3))
+    budget: Budget = field(default_factory=lambda: Budget(iterations=80, members=3))
     demonstrations: int = 20
     test_repeats: int = 2
     test_clean: int = 5
@@ -108,7 +108,7 @@ class StudyPlan:
         return cls(
             seeds=1,
             other_truth_seeds=0,
-            budget=Budget(sweeps=12, episodes=1, horizon=1000, cloning_steps=200, classifier_steps=400),
+            budget=Budget(iterations=12, episodes=1, horizon=1000, cloning_steps=200, classifier_steps=400),
             demonstrations=8,
             test_repeats=1,
             test_clean=2,
@@ -165,10 +165,10 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
 def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     methods = (Method.MSRD, Method.AIRL_EACH_CROSS, Method.CLASSIFIER)
-    key = digest("transfer", asdict(plan), [runs.settings(method) for method in methods])
+    key = cache_key("transfer", asdict(plan), [runs.settings(method) for method in methods])
 
     def train() -> dict[str, Any]:
         estimates = {method: runs.estimate(method, 0) for method in methods}
         return run_transfer(plan, runs.demonstrators, estimates, runs.progress)
 
-    return kept(runs.folder / f"transfer-{key}.json", train)
+    return cached(runs.folder / f"transfer-{key}.json", train)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from msrd_ros.learning.baselines import StrategyClassifier, TaughtRewards
+from msrd_ros.learning.baselines import StrategyClassifier, SupervisedRewards
 from msrd_ros.learning.rewards import RewardEnsemble, RewardForm, RewardValues
 from msrd_ros.learning.trajectories import Transitions
 from msrd_ros.studies.shared.task import VirtualTask
@@ -108,16 +108,16 @@ def from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
     return Estimate(None, by_row(classifier.log_posterior), None, weights, seconds, 0)
 
 
-def from_teaching(taught: TaughtRewards, seconds: float) -> Estimate:
+def from_teaching(supervised: SupervisedRewards, seconds: float) -> Estimate:
     """What a regression on the truth says of the strategies."""
-    weights = {**taught.network.state_dict(), "bounds": taught.bounds}
-    return Estimate(None, by_row(taught.table), None, weights, seconds, 0)
+    weights = {**supervised.network.state_dict(), "bounds": supervised.bounds}
+    return Estimate(None, by_row(supervised.table), None, weights, seconds, 0)
 
 
 def from_places(task: VirtualTask, places: Tensor, seconds: float) -> Estimate:
     """A guess that knows the answer's form: minus the distance to where the strategy's column settles."""
 
     def strategies(states: Tensor) -> Tensor:
-        return -(states[..., task.telling_column] - places[:, None]).abs()
+        return -(states[..., task.identifying_feature] - places[:, None]).abs()
 
     return Estimate(None, strategies, None, {"places": places}, seconds, 0)

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
-from msrd_ros.learning.baselines import StrategyClassifier, TaughtRewards
+from msrd_ros.learning.baselines import StrategyClassifier, SupervisedRewards
 from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
@@ -34,7 +34,7 @@ from msrd_ros.studies.shared.estimates import (
 )
 from msrd_ros.studies.shared.task import StrategyTruth, VirtualTask
 
-N = TypeVar("N", StrategyClassifier, TaughtRewards)
+N = TypeVar("N", StrategyClassifier, SupervisedRewards)
 
 
 class Method(StrEnum):
@@ -48,7 +48,7 @@ class Method(StrEnum):
     AIRL_EACH_CROSS = "airl_each_cross"
     CLASSIFIER = "classifier"
     ORACLE = "oracle"
-    TAUGHT = "taught"
+    SUPERVISED = "supervised"
 
 
 MEMBER_SEED = 100
@@ -61,8 +61,8 @@ class Budget:
 
     Attributes
     ----------
-    sweeps, episodes, horizon
-        Sweeps, rollouts per strategy and sweep, steps per rollout.
+    iterations, episodes, horizon
+        Iterations, rollouts per strategy and iteration, steps per rollout.
     cloning_steps
         Adam steps of behaviour cloning before.
     classifier_steps
@@ -71,7 +71,7 @@ class Budget:
         Independent runs whose rewards are averaged.
     """
 
-    sweeps: int = 60
+    iterations: int = 60
     episodes: int = 1
     horizon: int = 1000
     cloning_steps: int = 800
@@ -85,7 +85,7 @@ def configure(task: VirtualTask, method: Method, budget: Budget) -> MSRDConfig:
     config = task.own_presets.get(method.value, task.preset)()
     config = replace(
         config,
-        sweeps=budget.sweeps,
+        iterations=budget.iterations,
         episodes=budget.episodes,
         cloning=replace(config.cloning, steps=budget.cloning_steps),
     )
@@ -105,7 +105,7 @@ def train(
     progress: Callable[[str], None] = lambda line: None,
     truth: StrategyTruth | None = None,
 ) -> Estimate:
-    """Run `method`; its rewards are the moving average of the weights after the last planned sweep.
+    """Run `method`; its rewards are the moving average of the weights after the last planned iteration.
 
     That is the rule for the checkpoint: fixed beforehand, and blind to the truth. Where the budget has
     several members, the rewards are the mean of that many runs on the same demonstrations.
@@ -113,33 +113,37 @@ def train(
     Parameters
     ----------
     truth
-        True strategy rewards: for `Method.TAUGHT`, which needs them; no method sees them.
+        True strategy rewards: for `Method.SUPERVISED`, which needs them; no method sees them.
     """
     started = time.perf_counter()
     if method is Method.CLASSIFIER:
         classifier = _fresh(StrategyClassifier, task, demonstrations, seed)
         classifier.fit(DemonstrationPool(demonstrations), budget.classifier_steps)
         return from_classifier(classifier, time.perf_counter() - started)
-    if method is Method.TAUGHT:
+    if method is Method.SUPERVISED:
         if truth is None:
-            raise ValueError("Method.TAUGHT is taught the true strategy rewards: pass truth")
-        taught = _fresh(TaughtRewards, task, demonstrations, seed)
-        taught.fit(DemonstrationPool(demonstrations), truth.table, budget.classifier_steps)
-        return from_teaching(taught, time.perf_counter() - started)
+            raise ValueError("Method.SUPERVISED is supervised the true strategy rewards: pass truth")
+        supervised = _fresh(SupervisedRewards, task, demonstrations, seed)
+        supervised.fit(DemonstrationPool(demonstrations), truth.table, budget.classifier_steps)
+        return from_teaching(supervised, time.perf_counter() - started)
     if method is Method.ORACLE:
         half = demonstrations.observations.shape[2] // 2
-        settled = np.asarray(demonstrations.observations[:, :, half:, task.telling_column], dtype=np.float64)
+        settled = np.asarray(
+            demonstrations.observations[:, :, half:, task.identifying_feature], dtype=np.float64
+        )
         places = torch.as_tensor(settled.mean(axis=(1, 2)), dtype=torch.float32)
         return from_places(task, places, time.perf_counter() - started)
     members, steps = [], 0
     for member in range(budget.members):
         trainer = make_trainer(task, method, demonstrations, budget, seed + MEMBER_SEED * member)
         trainer.clone()
-        for sweep in range(budget.sweeps):
-            metrics = trainer.sweep()
-            if sweep % 10 == 9:
+        for iteration in range(budget.iterations):
+            metrics = trainer.iterate()
+            if iteration % 10 == 9:
                 right = 0.5 * (metrics["demonstrations_right"] + metrics["generated_right"])
-                where = f"run {member + 1} of {budget.members}, sweep {sweep + 1} of {budget.sweeps}"
+                where = (
+                    f"run {member + 1} of {budget.members}, iteration {iteration + 1} of {budget.iterations}"
+                )
                 progress(f"{method} seed {seed}: {where}, told apart {right:.2f}")
         members.append(trainer.averaged_rewards)
         steps += trainer.environment_steps
@@ -156,9 +160,9 @@ def make_trainer(
         Method.AIRL_EACH_CROSS: airl_per_strategy,
     }
     collector = task.make_collector(budget.horizon)
-    restarting = task.make_restarting(budget.horizon) if task.make_restarting else None
+    autoreset = task.make_autoreset(budget.horizon) if task.make_autoreset else None
     config = configure(task, method, budget)
-    return makers.get(method, MSRD)(config, demonstrations, collector, seed, restarting=restarting)
+    return makers.get(method, MSRD)(config, demonstrations, collector, seed, autoreset=autoreset)
 
 
 def restore(
@@ -177,11 +181,11 @@ def restore(
         classifier = _fresh(StrategyClassifier, task, demonstrations, 0)
         classifier.network.load_state_dict(weights)
         return from_classifier(classifier, seconds)
-    if method is Method.TAUGHT:
-        taught = _fresh(TaughtRewards, task, demonstrations, 0)
-        taught.bounds = weights.pop("bounds")
-        taught.network.load_state_dict(weights)
-        return from_teaching(taught, seconds)
+    if method is Method.SUPERVISED:
+        supervised = _fresh(SupervisedRewards, task, demonstrations, 0)
+        supervised.bounds = weights.pop("bounds")
+        supervised.network.load_state_dict(weights)
+        return from_teaching(supervised, seconds)
     blank = make_trainer(task, method, demonstrations, budget, 0).averaged_rewards
     rewards = RewardEnsemble(copy.deepcopy(blank) for _ in range(budget.members))
     rewards.load_state_dict(weights)

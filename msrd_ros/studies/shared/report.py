@@ -20,7 +20,7 @@ NAMES = {
     "airl_each_cross": "AIRL per strategy, same terms",
     "classifier": "softmax classifier, no inverse RL",
     "oracle": "oracle: distance to where the strategy settles",
-    "taught": "regression on the truth of all demonstrated states",
+    "supervised": "regression on the truth of all demonstrated states",
 }
 COLUMNS = (
     ("task_r", "task r, normalised per strategy"),
@@ -75,7 +75,7 @@ def main_table(report: Report, metrics: dict[str, Any], paper: dict[str, tuple[s
     report.paragraph(
         f"Mean and standard deviation over {seeds} seed(s). Every method has the same demonstrations, "
         "networks, budget and environment steps; the rewards judged are the moving average of the weights "
-        "after the last planned sweep. Test trajectories are of seeds of their own."
+        "after the last planned iteration. Test trajectories are of seeds of their own."
     )
     report.paragraph(READING)
     score_table(report, metrics["methods"])

@@ -21,7 +21,7 @@ from safetensors.torch import save as save_tensors
 
 from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.trajectories import Demonstrations
-from msrd_ros.studies.shared.cache_keys import digest, kept
+from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import TestSet, evaluate, make_test_set, task_correlation
 from msrd_ros.studies.shared.methods import Budget, Method, configure, restore, train
@@ -163,20 +163,20 @@ class Runs:
         found = {}
         for method in methods:
             run = self.path(method, repetition)
-            key = digest(run.name, self.test_repeats, self.test_clean, *conditions)
+            key = cache_key(run.name, self.test_repeats, self.test_clean, *conditions)
             file = run.with_name(f"{self.name}-{method.value}-{repetition}-{key}.json")
-            found[method] = kept(file, partial(mark, method))
+            found[method] = cached(file, partial(mark, method))
         return found
 
     def path(self, method: Method, repetition: int) -> Path:
         """File of a run; another one as soon as anything about the run has changed."""
         recipe = asdict(self.demonstrators.recipe)
-        key = digest(self.name, self.settings(method), recipe, self.demonstrations, repetition)
+        key = cache_key(self.name, self.settings(method), recipe, self.demonstrations, repetition)
         return self.folder / f"{self.name}-{method.value}-{repetition}-{key}.safetensors"
 
     def settings(self, method: Method) -> Any:
         """Everything that a method's run depends on, as data for JSON."""
-        if method in (Method.CLASSIFIER, Method.ORACLE, Method.TAUGHT):
+        if method in (Method.CLASSIFIER, Method.ORACLE, Method.SUPERVISED):
             return [method.value, self.budget.classifier_steps]
         return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
 

@@ -96,9 +96,9 @@ class VirtualTask:
         Whether the task was ever lost in trajectories ``[..., T+1, O]``, ``[...]``.
     noise_levels
         Probabilities of random actions for test trajectories; beyond the last all are alike.
-    telling_column
+    identifying_feature
         Column of the observation whose settled mean tells the strategies apart, for the oracle.
-    make_restarting
+    make_autoreset
         Where episodes of so many steps start again whenever the task is lost; None: nowhere.
     own_presets
         By a method's name: settings tuned for it alone; without, those of `preset`. Of those for the paper's
@@ -115,6 +115,6 @@ class VirtualTask:
     task_reward: Callable[[Observations], NDArray[np.float64]]
     has_fallen: Callable[[Observations], NDArray[np.bool_]]
     noise_levels: tuple[float, ...]
-    telling_column: int
-    make_restarting: Callable[[int], Collector] | None = None
+    identifying_feature: int
+    make_autoreset: Callable[[int], Collector] | None = None
     own_presets: Mapping[str, Callable[[], MSRDConfig]] = field(default_factory=dict)

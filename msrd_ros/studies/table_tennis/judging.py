@@ -66,7 +66,7 @@ def judge(
     if method not in WITHOUT_STRATEGY_REWARDS:
         matrix = training.strategy_matrix(data.held_out)
         result |= {"matrix": matrix.tolist(), "diagonal": diagonal_wins(matrix)}
-        result["strategy_rewards"] = list(training.owners)
+        result["strategy_rewards"] = list(training.reward_groups)
     values = np.zeros((len(pairs), 2))
     for column in range(2):
         seen = np.stack([pair[column].observations[FIRST_ACTING_STEP:] for pair in pairs])

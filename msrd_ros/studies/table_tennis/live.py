@@ -25,17 +25,17 @@ class LivePlan:
 
     Attributes
     ----------
-    sweeps, episodes
+    iterations, episodes
         Of the training whose every rollout goes through simulator and executor.
-    swap_sweeps, swap_every
-        Of the training that goes on while its policies are played, and sweeps between exchanges.
+    swap_iterations, swap_every
+        Of the training that goes on while its policies are played, and iterations between exchanges.
     swap_balls
         Balls per label in each point of its curve.
     """
 
-    sweeps: int = 10
+    iterations: int = 10
     episodes: int = 20
-    swap_sweeps: int = 40
+    swap_iterations: int = 40
     swap_every: int = 2
     swap_balls: int = 4
 
@@ -71,13 +71,17 @@ def learn_with_rollouts(lesson: Lesson, plan: LivePlan, rollouts: str, progress:
     policies = out / POLICIES_FILE
     if policies.exists():
         return policies
-    progress(f"trains {plan.sweeps} sweeps of {plan.episodes} rollouts a strategy, {rollouts}")
+    progress(f"trains {plan.iterations} iterations of {plan.episodes} rollouts a strategy, {rollouts}")
     environment = own_domain()
-    # Rehearsals are not part of the lesson, and only the whole run counts: it is kept once it is over.
+    # Evaluations are not part of the lesson, and only the whole run counts: it is kept once it is over.
     draft = out.with_name(f"{rollouts}.part")
     shutil.rmtree(draft, ignore_errors=True)
     parameters = lesson.parameters(
-        draft, rollouts=rollouts, sweeps=plan.sweeps, episodes=plan.episodes, rehearse_every=plan.sweeps
+        draft,
+        rollouts=rollouts,
+        iterations=plan.iterations,
+        episodes=plan.episodes,
+        evaluate_every=plan.iterations,
     )
     with ExitStack() as stack:
         others = tuple(
@@ -107,7 +111,7 @@ def exchange_while_playing(lesson: Lesson, plan: LivePlan, progress: Progress) -
     environment = own_domain()
     out = lesson.folder / "exchange"
     shutil.rmtree(out, ignore_errors=True)
-    parameters = lesson.parameters(out, sweeps=plan.swap_sweeps, rehearse_every=plan.swap_every)
+    parameters = lesson.parameters(out, iterations=plan.swap_iterations, evaluate_every=plan.swap_every)
     noise = {"ready_noise_rad": 0.03, "seed": lesson.seed}
     points: list[dict[str, Any]] = []
     with (

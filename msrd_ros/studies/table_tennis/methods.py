@@ -1,7 +1,7 @@
 """The methods compared: each learns from the same recordings, and each can be played.
 
 What they share is the recipe of `stroke_training`: networks, cloning, simulator, rollouts, trust region and
-sweeps; every method changes only what its name says.
+iterations; every method changes only what its name says.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ CORRECTIVE_START = (Method.CLONING_WITH_NOISE, Method.MSRD_CORRECTIVE_START)
 
 PRIOR_WEIGHT = 1.0
 """What leaving the cloned policy costs under frozen rewards, per nat. Without it a stroke that had reached
-97 % fell to 44 in 60 sweeps, at .2 to 82 in 45: a reward that no discriminator corrects any more is followed
-to where it was never told anything. Chosen on another population, as is the next."""
+97 % fell to 44 in 60 iterations, at .2 to 82 in 45: a reward that no discriminator corrects any more is
+followed to where it was never told anything. Chosen on another population, as is the next."""
 
-LASTING_STEPS = 600
-"""Adam steps of `MSRD.lasting_rewards` before they are frozen. With them, and without any price on leaving
-the clone, the same stroke was still at 88 % after 60 sweeps."""
+REFIT_STEPS = 600
+"""Adam steps of `MSRD.refit_on_replay` before they are frozen. With them, and without any price on leaving
+the clone, the same stroke was still at 88 % after 60 iterations."""
 
 RANDOMISED: dict[str, Any] = {"spread": "wide", "camera_noise_m": 0.003, "camera_latency_s": 0.02}
 """Training conditions of `Method.MSRD_RANDOMISED`."""
@@ -80,25 +80,25 @@ class Budget:
 
     Attributes
     ----------
-    sweeps, episodes
-        Sweeps over all strategies, and rollouts per strategy in each.
+    iterations, episodes
+        Iterations over all strategies, and rollouts per strategy in each.
     plain_cloning_steps
         Adam steps of plain cloning. Cloning is a rival here, so it gets what is best for it: with 24
-        demonstrations a label 2000 steps returned 86 % in rehearsals, the recipe's 500 steps 76 %.
+        demonstrations a label 2000 steps returned 86 % in evaluations, the recipe's 500 steps 76 %.
     cloning_steps
         Of all cloning, if given.
-    rehearse_every, rehearse_balls
-        Sweeps between points of the curve, and balls per strategy for each point.
+    evaluate_every, evaluation_balls
+        Iterations between points of the curve, and balls per strategy for each point.
     threads
         Of the batched simulator.
     """
 
-    sweeps: int = 80
+    iterations: int = 80
     episodes: int = 200
     plain_cloning_steps: int = 2000
     cloning_steps: int | None = None
-    rehearse_every: int = 10
-    rehearse_balls: int = 200
+    evaluate_every: int = 10
+    evaluation_balls: int = 200
     threads: int = 2
 
 
@@ -113,7 +113,7 @@ class Learned:
     rewards
         Weights of the averaged reward networks; empty if it has none.
     lasting
-        Those of MSRD's lasting rewards, to be frozen; empty for all others.
+        Those of MSRD's rewards refitted on replay, to be frozen; empty for all others.
     report
         ``curve`` (struck and returned shares in the batched simulator), ``seconds``, ``cpu_seconds``,
         ``env_steps``.
@@ -156,7 +156,7 @@ _CHANGES: dict[Method, Callable[[MSRDConfig], MSRDConfig]] = {
 def make_training(method: Method, data: StudyData, budget: Budget, seed: int) -> StrokeTraining:
     """The training run of a method, before its first step."""
     settings = StrokeTrainingConfig(
-        sweeps=budget.sweeps,
+        iterations=budget.iterations,
         episodes=budget.episodes,
         seed=seed,
         threads=budget.threads,
@@ -189,50 +189,57 @@ def learn(
     Parameters
     ----------
     frozen
-        For `Method.FROZEN_REWARD`: the weights of MSRD's lasting rewards.
+        For `Method.FROZEN_REWARD`: the weights of MSRD's rewards refitted on replay.
     """
     training = make_training(method, data, budget, seed)
     trainer = training.trainer
-    sweeps = 0 if method in UNPLAYED else budget.sweeps
+    iterations = 0 if method in UNPLAYED else budget.iterations
     curve: list[dict[str, Any]] = []
-    rehearsals = np.random.default_rng((seed, 1))
-    begun, begun_cpu, rehearsed, rehearsed_cpu = time.perf_counter(), time.process_time(), 0.0, 0.0
+    evaluations = np.random.default_rng((seed, 1))
+    begun, begun_cpu, evaluated, evaluated_cpu = time.perf_counter(), time.process_time(), 0.0, 0.0
 
-    def rehearse(sweep: int) -> None:
-        nonlocal rehearsed, rehearsed_cpu
+    def evaluate(iteration: int) -> None:
+        nonlocal evaluated, evaluated_cpu
         start, start_cpu = time.perf_counter(), time.process_time()
-        struck, returned = training.rehearse(budget.rehearse_balls, rehearsals)
-        seconds = start - begun - rehearsed
+        struck, returned = training.evaluate(budget.evaluation_balls, evaluations)
+        seconds = start - begun - evaluated
         curve.append(
-            {"sweep": sweep, "seconds": seconds, "struck": struck.tolist(), "returned": returned.tolist()}
+            {
+                "iteration": iteration,
+                "seconds": seconds,
+                "struck": struck.tolist(),
+                "returned": returned.tolist(),
+            }
         )
         share = 100 * float(returned.mean())
-        progress(f"{method}, training seed {seed}: sweep {sweep} of {sweeps}, {share:.0f} % returned")
-        rehearsed += time.perf_counter() - start
-        rehearsed_cpu += time.process_time() - start_cpu
+        progress(
+            f"{method}, training seed {seed}: iteration {iteration} of {iterations}, {share:.0f} % returned"
+        )
+        evaluated += time.perf_counter() - start
+        evaluated_cpu += time.process_time() - start_cpu
 
     trainer.clone()
-    rehearse(0)
-    make_sweep: Callable[[], object] = trainer.sweep
+    evaluate(0)
+    make_iteration: Callable[[], object] = trainer.iterate
     if method is Method.FROZEN_REWARD:
         assert frozen is not None
-        make_sweep = FrozenRewardTraining(training, frozen, seed).sweep
-    for index in range(1, sweeps + 1):
-        make_sweep()
-        if index % budget.rehearse_every == 0 or index == sweeps:
-            rehearse(index)
+        make_iteration = FrozenRewardTraining(training, frozen, seed).iterate
+    for index in range(1, iterations + 1):
+        make_iteration()
+        if index % budget.evaluate_every == 0 or index == iterations:
+            evaluate(index)
     report = {
         "curve": curve,
-        "seconds": time.perf_counter() - begun - rehearsed,
-        "cpu_seconds": time.process_time() - begun_cpu - rehearsed_cpu,
+        "seconds": time.perf_counter() - begun - evaluated,
+        "cpu_seconds": time.process_time() - begun_cpu - evaluated_cpu,
         "env_steps": trainer.environment_steps,
     }
     has_rewards = method not in (*UNPLAYED, Method.FROZEN_REWARD)
     rewards = dict(trainer.averaged_rewards.state_dict()) if has_rewards else {}
     lasting = {}
     if method is Method.MSRD:
-        steps = min(LASTING_STEPS, sweeps * trainer.config.discriminator.steps)
-        lasting = dict(trainer.lasting_rewards(steps).state_dict())
+        steps = min(REFIT_STEPS, iterations * trainer.config.discriminator.steps)
+        lasting = dict(trainer.refit_on_replay(steps).state_dict())
     return Learned(training.policies(), rewards, lasting, report)
 
 
@@ -261,7 +268,7 @@ class FrozenRewardTraining:
         self._clone = copy.deepcopy(trainer.policies)
         self._collector = BatchedCollector(training.simulator)
         self._rng = np.random.default_rng((seed, 2))
-        self._sweeps = 0
+        self._iterations = 0
         self._improvement = PolicyImprovement(
             trainer.policies,
             config.policy.features.build(training.demonstrations),
@@ -272,7 +279,7 @@ class FrozenRewardTraining:
             torch.Generator().manual_seed(seed),
         )
 
-    def sweep(self) -> None:
+    def iterate(self) -> None:
         """Play, reward, improve."""
         config = self._trainer.config
         rollouts = self._collector.collect(self._trainer.policies, config.episodes, self._rng)
@@ -288,5 +295,5 @@ class FrozenRewardTraining:
             reward = self._rewards(transitions).combined
             reward = reward - PRIOR_WEIGHT * strayed * (1.0 - transitions.passive)
         reward = reward.reshape(*rollouts.actions.shape[:2], -1)
-        self._improvement.improve(rollouts, reward, self._sweeps / max(1, config.sweeps - 1))
-        self._sweeps += 1
+        self._improvement.improve(rollouts, reward, self._iterations / max(1, config.iterations - 1))
+        self._iterations += 1

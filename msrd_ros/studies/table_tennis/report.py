@@ -42,7 +42,7 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     report.heading("Learning")
     report.figure(
         figures.training_curves(metrics),
-        "Struck and returned balls over training time, mean policies in the batched simulator (rehearsals "
+        "Struck and returned balls over training time, mean policies in the batched simulator (evaluations "
         "not counted as training), first seed; the first point is cloning. The rates in the tables are "
         "played in Bullet.",
     )
@@ -305,8 +305,8 @@ def _over_topics(report: Report, metrics: dict[str, Any]) -> None:
             [name, *(f"{row[label]['returned']} of {row[label]['fed']}" for label in labels)]
             for name, row in metrics["over_topics"].items()
         ],
-        f"Returned in Bullet after {live['sweeps']} sweeps of {live['episodes']} rollouts a strategy: every "
-        "rollout through executor and simulator nodes in lockstep, beside the batched simulator, same seed.",
+        f"Returned in Bullet after {live['iterations']} iterations of {live['episodes']} rollouts each: "
+        "every rollout through executor and simulator nodes in lockstep, beside the batched simulator.",
     )
     report.figure(
         figures.exchange(curve),
@@ -324,7 +324,7 @@ def _conditions(report: Report, metrics: dict[str, Any]) -> None:
         f"Trained on {len(subjects['training'])} subjects ({', '.join(subjects['training'])}), rewards "
         f"judged on {', '.join(subjects['held_out'])}. {plan['balls']} balls per label and training seed, "
         f"standard spread, start postures scattered by 0.03 rad; seeds {metrics['seeds']}. Training: "
-        f"{plan['budget']['sweeps']} sweeps of "
+        f"{plan['budget']['iterations']} iterations of "
         f"{plan['budget']['episodes']} rollouts a strategy in the batched simulator."
     )
     report.paragraph(

@@ -19,7 +19,7 @@ from safetensors.torch import save as save_tensors
 from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.files import write_atomically
 from msrd_ros.core.resources import shipped_bags
-from msrd_ros.studies.shared.cache_keys import digest, kept
+from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.table_tennis.judging import judge, undone_pairs
 from msrd_ros.studies.table_tennis.live import (
     Lesson,
@@ -28,9 +28,9 @@ from msrd_ros.studies.table_tennis.live import (
     learn_with_rollouts,
 )
 from msrd_ros.studies.table_tennis.methods import (
-    LASTING_STEPS,
     MAIN_METHODS,
     PRIOR_WEIGHT,
+    REFIT_STEPS,
     Budget,
     Learned,
     Method,
@@ -118,11 +118,11 @@ class StudyPlan:
             subjects=0,
             held_out=1,
             budget=Budget(
-                sweeps=2,
+                iterations=2,
                 episodes=40,
                 cloning_steps=400,
-                rehearse_every=2,
-                rehearse_balls=40,
+                evaluate_every=2,
+                evaluation_balls=40,
                 threads=1,
             ),
             balls=4,
@@ -220,7 +220,7 @@ class Study:
                 save_films(self._films, played.films)
             return evaluation_report(played, self.plan.balls, self.data.landing_points)
 
-        return result | kept(folder / f"evaluation-{self.plan.balls}.json", play)
+        return result | cached(folder / f"evaluation-{self.plan.balls}.json", play)
 
     def _robustness(
         self, method: Method, seeds: Sequence[int], table: Table
@@ -241,7 +241,7 @@ class Study:
             policies = self._learned(method, seed).policies
             for name in names:
                 path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{file_name(name)}.json"
-                rows[name].append(kept(path, partial(play, policies, seed, name)))
+                rows[name].append(cached(path, partial(play, policies, seed, name)))
         return rows
 
     def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
@@ -249,7 +249,7 @@ class Study:
         subjects = tuple(sorted({episode.subject for episode in self.data.training}))
         settings = [asdict(live), self._config(Method.MSRD), self.plan.robustness_balls]
         lesson = Lesson(
-            self._bags, subjects, self._runs / f"live-{digest(settings, self.data.digest)}", TRAINING_SEED
+            self._bags, subjects, self._runs / f"live-{cache_key(settings, self.data.digest)}", TRAINING_SEED
         )
 
         def play() -> dict[str, Any]:
@@ -260,7 +260,7 @@ class Study:
                 rates[rollouts] = evaluation_report(played, balls, self.data.landing_points)["rates"]
             return {"over_topics": rates, "hot_swap": exchange_while_playing(lesson, live, self._progress)}
 
-        return kept(lesson.folder / "played.json", play)
+        return cached(lesson.folder / "played.json", play)
 
     def _play(
         self, table: Table, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions
@@ -274,7 +274,7 @@ class Study:
     def _learned(self, method: Method, seed: int) -> Learned:
         """A method's run, taken up or made."""
         folder = self._folder(method, seed)
-        names = "policies.safetensors", "rewards.safetensors", "lasting_rewards.safetensors", "training.json"
+        names = "policies.safetensors", "rewards.safetensors", "refit_on_replay.safetensors", "training.json"
         files = [folder / name for name in names]
         if all(path.exists() for path in files):
             return Learned(
@@ -304,9 +304,9 @@ class Study:
         """Where a run is kept: a run is taken up only if nothing about it has changed."""
         settings = [self._config(method)]
         if method is Method.FROZEN_REWARD:
-            frozen = {"prior_weight": PRIOR_WEIGHT, "lasting_steps": LASTING_STEPS}
+            frozen = {"prior_weight": PRIOR_WEIGHT, "refit_steps": REFIT_STEPS}
             settings += [self._config(Method.MSRD), frozen]  # whose rewards they are
-        key = digest(settings, asdict(self.plan.budget), self.data.digest, method)
+        key = cache_key(settings, asdict(self.plan.budget), self.data.digest, method)
         return self._runs / f"{method}-{seed}-{key}"
 
     def _config(self, method: Method) -> dict[str, Any]:

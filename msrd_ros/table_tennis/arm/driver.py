@@ -39,7 +39,7 @@ MOVES, STANDS, BLOCKED = 0, 1, 2
 
 @dataclass(frozen=True)
 class DriverGains:
-    """Correction of tracking errors as accelerations, so that every joint is equally stiff.
+    """RecoveryLabel of tracking errors as accelerations, so that every joint is equally stiff.
 
     Attributes
     ----------
@@ -208,11 +208,6 @@ class JointDriver:
     def reference(self) -> JointReference:
         """Where the joints shall be now."""
         return JointReference(self._state[0].copy(), self._state[1].copy())
-
-    @property
-    def has_command(self) -> bool:
-        """Whether a command is still being followed."""
-        return self._steps_left > 0
 
     def hold_at(self, position: Array, velocity: Array | None = None) -> None:
         """Forget any command; the reference is at `position` (7,), and comes to rest if it moves."""

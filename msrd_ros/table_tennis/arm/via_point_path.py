@@ -1,6 +1,6 @@
-"""Finds a way for an arm between two strokes: one that leads neither through the table nor the floor.
+"""Finds a path for an arm between two strokes: one that leads neither through the table nor the floor.
 
-Joints that all move at once do not take the straight line between two postures, so every way is tried out
+Joints that all move at once do not take the straight line between two postures, so every path is tried out
 with the very law by which it will be commanded, and the arm's clearance is looked at after each period.
 """
 
@@ -24,7 +24,7 @@ from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, clearance, obsta
 from msrd_ros.table_tennis.ball.scene import Table
 
 PASSING_TOLERANCE_RAD = 0.05
-"""So near to a pose on the way the arm turns towards the next."""
+"""So near to a pose on the path the arm turns towards the next."""
 
 _ENOUGH_M = MARGIN_M + 0.01
 """With less clearance the driver may hold the arm back."""
@@ -36,17 +36,17 @@ Pose = NDArray[np.float64]
 _TABLE = obstacle(Table())
 
 
-def follow_way(
-    reference: JointReference, way: Sequence[Pose], goal: Pose, period_s: float
+def follow_path(
+    reference: JointReference, path: Sequence[Pose], goal: Pose, period_s: float
 ) -> tuple[JointReference, Sequence[Pose]]:
-    """Next reference on the way past the poses of `way` to `goal`, and what is left of the way."""
-    target = way[0] if way else goal
+    """Next reference on the path past the poses of `path` to `goal`, and what is left of the path."""
+    target = path[0] if path else goal
     moved = shape_command(reference, velocity_towards(reference, target, period_s), period_s)
-    passed = way and np.abs(moved.position - target).max() < PASSING_TOLERANCE_RAD
-    return moved, way[1:] if passed else way
+    passed = path and np.abs(moved.position - target).max() < PASSING_TOLERANCE_RAD
+    return moved, path[1:] if passed else path
 
 
-def find_way(reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) -> list[Pose]:
+def find_path(reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) -> list[Pose]:
     """Poses to pass between a reference and `goal`, best none.
 
     Parameters
@@ -61,20 +61,20 @@ def find_way(reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) 
     Returns
     -------
     list of arrays
-        Of the first way that keeps clear of table and floor; of the one that keeps clearest if none does.
+        Of the first path that keeps clear of table and floor; of the one that keeps clearest if none does.
     """
     best: list[Pose] = []
     best_m = -np.inf
-    for way in _ways(reference.position, goal, known):
-        least_m = _least_clearance(reference, way, goal)
+    for path in _paths(reference.position, goal, known):
+        least_m = _least_clearance(reference, path, goal)
         if least_m > best_m:
-            best, best_m = way, least_m
+            best, best_m = path, least_m
         if best_m > _ENOUGH_M:
             break
     return best
 
 
-def _ways(start: Pose, goal: Pose, known: Sequence[Pose]) -> Iterator[list[Pose]]:
+def _paths(start: Pose, goal: Pose, known: Sequence[Pose]) -> Iterator[list[Pose]]:
     """Ways in the order in which they are tried."""
     yield []
     for pose in known:
@@ -95,14 +95,14 @@ def _lifted(pose: Pose, lift: float) -> Pose:
     return np.clip(lifted, LOWEST_RAD, HIGHEST_RAD)
 
 
-def _least_clearance(reference: JointReference, way: Sequence[Pose], goal: Pose) -> float:
-    """Least clearance in m after any period on the way; of a goal that is not reached in time, -inf."""
+def _least_clearance(reference: JointReference, path: Sequence[Pose], goal: Pose) -> float:
+    """Least clearance in m after any period on the path; of a goal that is not reached in time, -inf."""
     # Nobody can help where the arm is now or that the goal is where it is.
     fixed_m = min(clearance(reference.position, _TABLE), clearance(goal, _TABLE)) - 1e-3
     least_m = np.inf
     for _ in range(round(_LONGEST_S / CONTROL_PERIOD_S)):
-        reference, way = follow_way(reference, way, goal, CONTROL_PERIOD_S)
+        reference, path = follow_path(reference, path, goal, CONTROL_PERIOD_S)
         least_m = min(least_m, clearance(reference.position, _TABLE))
-        if not way and np.abs(reference.position - goal).max() < _CLOSE_RAD:
+        if not path and np.abs(reference.position - goal).max() < _CLOSE_RAD:
             return least_m if least_m < fixed_m else np.inf
     return -np.inf

@@ -21,7 +21,7 @@ _FIXED_ACCELERATION = 400.0
 """Bound A for surfaces at rest, m/s^2: a ball in flight at 25 m/s and 500 rad/s stays below 150."""
 _PADDLE_ACCELERATION = 4000.0
 """Bound A for the paddle: a blade at 12 m/s and 30 rad/s with 200 m/s^2 stays below 2,000."""
-_TOUCH = 1e-7
+_AT_IMPACT = 1e-7
 """Gap in m that counts as a touch."""
 REST_SPEED = 0.02
 """Approach in m/s below which a ball does not bounce off a surface at rest any more, but rests on it."""
@@ -148,7 +148,7 @@ def leap(gap: float, rate: float, acceleration: float) -> float:
 
 
 @njit(cache=True)
-def may_touch_fixed(
+def may_hit_fixed(
     surface: int,
     ball: NDArray[np.float64],
     ball_end: NDArray[np.float64],
@@ -167,7 +167,7 @@ def may_touch_fixed(
 
 
 @njit(cache=True)
-def may_touch_paddle(
+def may_hit_paddle(
     ball: NDArray[np.float64],
     ball_end: NDArray[np.float64],
     start: NDArray[np.float64],
@@ -175,7 +175,7 @@ def may_touch_paddle(
     span: float,
     scene: SceneConstants,
 ) -> bool:
-    """Whether ball and blade come near each other at all; see `may_touch_fixed`."""
+    """Whether ball and blade come near each other at all; see `may_hit_fixed`."""
     reach = scene.ball_radius + scene.blade_radius + scene.blade_half_thickness
     distance_squared = 0.0
     for axis in range(3):
@@ -187,7 +187,7 @@ def may_touch_paddle(
 
 
 @njit(cache=True)
-def fixed_touch(
+def fixed_impact(
     surface: int,
     ball: NDArray[np.float64],
     ball_end: NDArray[np.float64],
@@ -210,16 +210,16 @@ def fixed_touch(
             + gy * (ball[4] + s * (ball_end[4] - ball[4]))
             + gz * (ball[5] + s * (ball_end[5] - ball[5]))
         )
-        if gap <= (_TOUCH if rate < -REST_SPEED else -_REST_DEPTH) and rate < 0.0:
+        if gap <= (_AT_IMPACT if rate < -REST_SPEED else -_REST_DEPTH) and rate < 0.0:
             return time
-        time += leap(max(gap, _TOUCH), rate, _FIXED_ACCELERATION)
+        time += leap(max(gap, _AT_IMPACT), rate, _FIXED_ACCELERATION)
         if time >= duration:
             break
     return duration
 
 
 @njit(cache=True)
-def paddle_touch(
+def paddle_impact(
     ball: NDArray[np.float64],
     ball_end: NDArray[np.float64],
     duration: float,
@@ -235,9 +235,9 @@ def paddle_touch(
         gap, rate, _, _, _, _, _, _ = paddle_gap(
             ball, ball_end, time, duration, start, end, offset, span, scene
         )
-        if gap <= _TOUCH and rate < 0.0:
+        if gap <= _AT_IMPACT and rate < 0.0:
             return time
-        time += leap(max(gap, _TOUCH), rate, _PADDLE_ACCELERATION)
+        time += leap(max(gap, _AT_IMPACT), rate, _PADDLE_ACCELERATION)
         if time >= duration:
             break
     return duration

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.ball.impact_time import (
     REST_SPEED,
-    fixed_touch,
-    may_touch_fixed,
-    may_touch_paddle,
+    fixed_impact,
+    may_hit_fixed,
+    may_hit_paddle,
     paddle_gap,
-    paddle_touch,
+    paddle_impact,
 )
 from msrd_ros.table_tennis.ball.rebound import rebound_rigid, rebound_rubber
 from msrd_ros.table_tennis.ball.referee import judge_flight, judge_touch
@@ -73,7 +73,7 @@ def step_ball(
             break
         end[:] = ball
         flight_step(end, left, constants)
-        surface, wait = first_touch(ball, end, left, paddle_start, paddle_end, elapsed, duration, constants)
+        surface, wait = first_impact(ball, end, left, paddle_start, paddle_end, elapsed, duration, constants)
         if surface == NO_CONTACT:
             ball[:] = end
             elapsed = duration
@@ -98,7 +98,7 @@ def step_ball(
 
 
 @njit(cache=True)
-def first_touch(
+def first_impact(
     ball: NDArray[np.float64],
     end: NDArray[np.float64],
     left: float,
@@ -112,12 +112,12 @@ def first_touch(
     surface = NO_CONTACT
     earliest = left
     for candidate in (TABLE, NET, FLOOR):
-        if may_touch_fixed(candidate, ball, end, left, scene):
-            wait = fixed_touch(candidate, ball, end, left, scene)
+        if may_hit_fixed(candidate, ball, end, left, scene):
+            wait = fixed_impact(candidate, ball, end, left, scene)
             if wait < earliest:
                 surface, earliest = candidate, wait
-    if may_touch_paddle(ball, end, paddle_start, paddle_end, duration, scene):
-        wait = paddle_touch(ball, end, left, paddle_start, paddle_end, elapsed, duration, scene)
+    if may_hit_paddle(ball, end, paddle_start, paddle_end, duration, scene):
+        wait = paddle_impact(ball, end, left, paddle_start, paddle_end, elapsed, duration, scene)
         if wait < earliest:
             surface, earliest = PADDLE, wait
     return surface, earliest

@@ -16,7 +16,7 @@ from msrd_ros.robots.limits import (
     JointReference,
     shape_command,
 )
-from msrd_ros.table_tennis.arm.via_point_path import find_way, follow_way
+from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (13,) to an action (7,)."""
@@ -166,9 +166,9 @@ class StrokePlayer:
     def _move_to_ready(self, period_s: float) -> None:
         if self._way is None:
             # The straight way from the end of a stroke may lead through the table.
-            self._way = find_way(self.reference, self._ready_pose, self._began_at)
+            self._way = find_path(self.reference, self._ready_pose, self._began_at)
         under_way = bool(self._way)
-        reference, self._way = follow_way(self.reference, self._way, self._ready_pose, period_s)
+        reference, self._way = follow_path(self.reference, self._way, self._ready_pose, period_s)
         close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
         slow = np.abs(reference.velocity).max() * period_s < READY_TOLERANCE_RAD
         if close and slow and not under_way:

@@ -1,4 +1,4 @@
-"""A training run from cloning to the last sweep: curve, TensorBoard, checkpoints and results on disk."""
+"""A training run from cloning to the last iteration: curve, TensorBoard, checkpoints and results on disk."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class RunConfig:
     ----------
     out
         Folder for everything that is written.
-    rehearse_every, rehearse_balls
-        Sweeps between rehearsals, 0 for none, and balls per strategy in each.
+    evaluate_every, evaluation_balls
+        Iterations between evaluations, 0 for none, and balls per strategy in each.
     checkpoint_every
-        Sweeps between checkpoints; 0 writes one at the end only.
+        Iterations between checkpoints; 0 writes one at the end only.
     """
 
     out: Path
-    rehearse_every: int = 10
-    rehearse_balls: int = 200
+    evaluate_every: int = 10
+    evaluation_balls: int = 200
     checkpoint_every: int = 25
 
 
@@ -56,14 +56,14 @@ class TrainingRun:
     config
         How often what is done.
     on_policies
-        Called with the policies after cloning and after every rehearsal.
-    on_sweep
-        Called after every sweep with its figures by name.
+        Called with the policies after cloning and after every evaluation.
+    on_iteration
+        Called after every iteration with its figures by name.
 
     Attributes
     ----------
     stop, checkpoint_wanted
-        Set them from any thread: the run ends, or writes a checkpoint, after the present sweep.
+        Set them from any thread: the run ends, or writes a checkpoint, after the present iteration.
     """
 
     def __init__(
@@ -72,19 +72,19 @@ class TrainingRun:
         episodes: Sequence[Episode],
         config: RunConfig,
         on_policies: Callable[[StrokePolicies], None],
-        on_sweep: Callable[[dict[str, float]], None],
+        on_iteration: Callable[[dict[str, float]], None],
     ) -> None:
         self._training, self._episodes, self._config = training, episodes, config
-        self._on_policies, self._on_sweep = on_policies, on_sweep
+        self._on_policies, self._on_iteration = on_policies, on_iteration
         self.stop = threading.Event()
         self.checkpoint_wanted = threading.Event()
-        self._rehearsals = np.random.default_rng((training.config.seed, 1))
+        self._evaluations = np.random.default_rng((training.config.seed, 1))
         self._metrics: dict[str, float] = {}
         self._curve: list[dict[str, Any]] = []
         self._begun_s = time.monotonic()
 
     def resume(self) -> int:
-        """Go on from the checkpoint in ``out``; returns the sweeps that it had done.
+        """Go on from the checkpoint in ``out``; returns the iterations that it had done.
 
         Raises
         ------
@@ -95,24 +95,24 @@ class TrainingRun:
         result = self._config.out / RESULT_FILE
         if result.is_file():
             self._curve = json.loads(result.read_text())["curve"]
-        return self._training.trainer.sweeps_done
+        return self._training.trainer.iterations_done
 
     def run(self) -> None:
-        """Train until all sweeps are done or `stop` is set; what was learned is on disk then."""
+        """Train until all iterations are done or `stop` is set; what was learned is on disk then."""
         from torch.utils.tensorboard import SummaryWriter
 
         training, trainer = self._training, self._training.trainer
-        wanted = training.config.sweeps
+        wanted = training.config.iterations
         with SummaryWriter(str(self._config.out / BOARD_FOLDER)) as board:
-            if trainer.sweeps_done == 0:
+            if trainer.iterations_done == 0:
                 trainer.clone()
-                self._rehearse(board)
+                self._evaluate(board)
             self._on_policies(training.policies())
             with tqdm(
-                total=wanted, initial=trainer.sweeps_done, unit="sweep", desc=training.config.method
+                total=wanted, initial=trainer.iterations_done, unit="iteration", desc=training.config.method
             ) as bar:
-                while trainer.sweeps_done < wanted and not self.stop.is_set():
-                    self._metrics = trainer.sweep()
+                while trainer.iterations_done < wanted and not self.stop.is_set():
+                    self._metrics = trainer.iterate()
                     self._follow_up(board)
                     bar.update()
                     if self._curve:
@@ -120,40 +120,49 @@ class TrainingRun:
             self._save()
 
     def _follow_up(self, board: Any) -> None:
-        """What is due after a sweep."""
-        config, sweep = self._config, self._training.trainer.sweeps_done
+        """What is due after an iteration."""
+        config, iteration = self._config, self._training.trainer.iterations_done
         for name, value in self._metrics.items():
-            board.add_scalar(f"training/{name}", value, sweep)
-        last = sweep == self._training.config.sweeps
-        if config.rehearse_every and (sweep % config.rehearse_every == 0 or last):
-            self._rehearse(board)
+            board.add_scalar(f"training/{name}", value, iteration)
+        last = iteration == self._training.config.iterations
+        if config.evaluate_every and (iteration % config.evaluate_every == 0 or last):
+            self._evaluate(board)
             self._on_policies(self._training.policies())
-        self._on_sweep(self._figures(sweep))
-        due = config.checkpoint_every and sweep % config.checkpoint_every == 0
+        self._on_iteration(self._figures(iteration))
+        due = config.checkpoint_every and iteration % config.checkpoint_every == 0
         if self.checkpoint_wanted.is_set() or due:
             self.checkpoint_wanted.clear()
             self._save()
 
-    def _figures(self, sweep: int) -> dict[str, float]:
+    def _figures(self, iteration: int) -> dict[str, float]:
         passed_s = time.monotonic() - self._begun_s
-        wanted = self._training.config.sweeps
-        figures = {"sweep": sweep, "of": wanted, "seconds_left": passed_s / sweep * (wanted - sweep)}
+        wanted = self._training.config.iterations
+        figures = {
+            "iteration": iteration,
+            "of": wanted,
+            "seconds_left": passed_s / iteration * (wanted - iteration),
+        }
         if self._curve:
             rates = zip(self._training.labels, self._curve[-1]["returned"], strict=True)
             figures |= {f"returned_{label}": share for label, share in rates}
         return {**figures, **self._metrics}
 
-    def _rehearse(self, board: Any) -> None:
-        if not self._config.rehearse_every:
+    def _evaluate(self, board: Any) -> None:
+        if not self._config.evaluate_every:
             return
-        struck, returned = self._training.rehearse(self._config.rehearse_balls, self._rehearsals)
-        sweep = self._training.trainer.sweeps_done
+        struck, returned = self._training.evaluate(self._config.evaluation_balls, self._evaluations)
+        iteration = self._training.trainer.iterations_done
         seconds = time.monotonic() - self._begun_s
         self._curve.append(
-            {"sweep": sweep, "seconds": seconds, "struck": struck.tolist(), "returned": returned.tolist()}
+            {
+                "iteration": iteration,
+                "seconds": seconds,
+                "struck": struck.tolist(),
+                "returned": returned.tolist(),
+            }
         )
         for label, share in zip(self._training.labels, returned, strict=True):
-            board.add_scalar(f"returned/{label}", share, sweep)
+            board.add_scalar(f"returned/{label}", share, iteration)
 
     def _save(self) -> None:
         """Write policies, checkpoint and results, each whole or not at all."""
@@ -167,9 +176,9 @@ class TrainingRun:
             "config": asdict(training.config),
             "demonstrations": counts,
             "seconds": time.monotonic() - self._begun_s,
-            "sweeps": training.trainer.sweeps_done,
+            "iterations": training.trainer.iterations_done,
             "curve": self._curve,
-            "strategy_rewards": list(training.owners),
+            "strategy_rewards": list(training.reward_groups),
             "strategy_matrix": training.strategy_matrix(self._episodes).tolist(),
             "task_reward_of_demonstrations": float(training.rewards_of(demonstrations, 0)[0].mean()),
         }

@@ -26,7 +26,6 @@ from msrd_ros.learning.airl import airl_per_strategy
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
-from msrd_ros.learning.presets import table_tennis, with_corrections
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 from msrd_ros.robots.sawyer import JOINT_NAMES
@@ -38,9 +37,10 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
+from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
 METHODS = ("msrd", "airl")
-OWNERS: dict[str, Callable[[StrategyLabel], str]] = {
+REWARD_GROUPS: dict[str, Callable[[StrategyLabel], str]] = {
     "side_and_stroke": str,
     "stroke": lambda label: label.stroke.value,
 }
@@ -57,8 +57,8 @@ class StrokeTrainingConfig:
     ----------
     method
         ``msrd``, or ``airl`` for a reward of its own per strategy.
-    sweeps, episodes
-        Sweeps over all strategies, and rollouts per strategy in each.
+    iterations, episodes
+        Iterations over all strategies, and rollouts per strategy in each.
     seed
         Everything random follows from it.
     spread
@@ -68,14 +68,14 @@ class StrokeTrainingConfig:
     threads
         Of the batched simulator.
     strategy_rewards
-        Whose a strategy reward is, a key of `OWNERS`.
+        Whose a strategy reward is, a key of `REWARD_GROUPS`.
     corrective_cloning
         Whether the policies start from cloning with injected joint offsets and labels that undo them, rather
         than from plain cloning.
     """
 
     method: str = "msrd"
-    sweeps: int = 80
+    iterations: int = 80
     episodes: int = 200
     seed: int = 0
     spread: str = "standard"
@@ -156,7 +156,7 @@ class StrokeTraining:
         MSRD or AIRL, at work.
     labels
         Strategies, in the order of all arrays.
-    owners
+    reward_groups
         Names of the strategy rewards, in their order.
     """
 
@@ -180,17 +180,21 @@ class StrokeTraining:
         self.simulator = self._make_simulator(config.seed)
         ball_names = tuple(OBSERVATION_NAMES[column] for column in BALL_INPUTS)
         settings = table_tennis(ball_names, JOINT_NAMES)
-        owned = [OWNERS[config.strategy_rewards](label) for label in self.labels]
-        self.owners = tuple(dict.fromkeys(owned))
-        shared = tuple(self.owners.index(name) for name in owned) if len(self.owners) < len(owned) else ()
+        owned = [REWARD_GROUPS[config.strategy_rewards](label) for label in self.labels]
+        self.reward_groups = tuple(dict.fromkeys(owned))
+        shared = (
+            tuple(self.reward_groups.index(name) for name in owned)
+            if len(self.reward_groups) < len(owned)
+            else ()
+        )
         settings = replace(
             settings,
-            sweeps=config.sweeps,
+            iterations=config.iterations,
             episodes=config.episodes,
-            reward=replace(settings.reward, owners=shared),
+            reward=replace(settings.reward, reward_groups=shared),
         )
         if config.corrective_cloning:
-            settings = with_corrections(settings, JOINT_NAMES, ACTION_NAMES)
+            settings = with_recovery_labels(settings, JOINT_NAMES, ACTION_NAMES)
         make = MSRD if config.method == "msrd" else airl_per_strategy
         self.trainer = make(
             settings, self.demonstrations, collector or BatchedCollector(self.simulator), config.seed
@@ -207,11 +211,15 @@ class StrokeTraining:
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:
         """The present policies, as the executor plays them."""
         assert isinstance(self.trainer.policies, GaussianPolicies)
-        details = {"method": self.config.method, "seed": self.config.seed, "sweeps": self.trainer.sweeps_done}
+        details = {
+            "method": self.config.method,
+            "seed": self.config.seed,
+            "iterations": self.trainer.iterations_done,
+        }
         exported = export_policies(self.trainer.policies, self.trainer.layout, details)
         return StrokePolicies(exported, self._facts, exploration_seed)
 
-    def rehearse(self, balls: int, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+    def evaluate(self, balls: int, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
         """Shares of struck and of returned balls, (S,) each, of the mean policies in the batched simulator.
 
         For the progress report only: rates that count are played in Bullet.
@@ -255,12 +263,12 @@ class StrokeTraining:
     def strategy_matrix(self, episodes: Sequence[Episode]) -> NDArray[np.float64]:
         """Mean S_i (row) along the trajectories of those whose S_j is (column), rows normalised to [0, 1].
 
-        Square, in the order of `owners`.
+        Square, in the order of `reward_groups`.
         """
-        owner_of = OWNERS[self.config.strategy_rewards]
-        first = [[owner_of(label) for label in self.labels].index(owner) for owner in self.owners]
-        matrix = np.zeros((len(self.owners), len(self.owners)))
-        for column, owner in enumerate(self.owners):
+        owner_of = REWARD_GROUPS[self.config.strategy_rewards]
+        first = [[owner_of(label) for label in self.labels].index(owner) for owner in self.reward_groups]
+        matrix = np.zeros((len(self.reward_groups), len(self.reward_groups)))
+        for column, owner in enumerate(self.reward_groups):
             rows = [e.observations[FIRST_ACTING_STEP:] for e in episodes if owner_of(e.label) == owner]
             if rows:
                 matrix[:, column] = self.rewards_of(np.stack(rows), 0)[1][first].mean(axis=1)

@@ -80,7 +80,7 @@ class Intent:
     follow_s: float
 
 
-class LedStroke:
+class GuidedStroke:
     """The teacher's side of one stroke, from waiting in the ready pose to rest.
 
     Parameters

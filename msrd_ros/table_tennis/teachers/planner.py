@@ -110,10 +110,10 @@ def _solve_clear(problem: SideProblem, resting: list[Array]) -> Array:
 def _ways_are_clear(ready: Array, resting: list[Array]) -> bool:
     """Whether a ready pose can be reached from, and left for, every resting posture."""
     ways = [(ready, other) for other in resting] + [(other, ready) for other in resting]
-    return all(lowest_on_way(start, goal) > CLEAR_OF_TABLE_M for start, goal in ways)
+    return all(lowest_on_path(start, goal) > CLEAR_OF_TABLE_M for start, goal in ways)
 
 
-def lowest_on_way(start: Array, goal: Array) -> float:
+def lowest_on_path(start: Array, goal: Array) -> float:
     """Least height in m of blade and forearm over the table, on the arm's own way between two postures.
 
     The way is the one that the executor takes between strokes; infinite where it is never over the table.

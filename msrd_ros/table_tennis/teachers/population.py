@@ -15,12 +15,12 @@ from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
-from msrd_ros.table_tennis.teachers.guided_stroke import AttentionConfig, Intent, LedStroke
+from msrd_ros.table_tennis.teachers.guided_stroke import AttentionConfig, GuidedStroke, Intent
 from msrd_ros.table_tennis.teachers.hit_solver import POSITION, RATE, TIME, HitWish, solve_hit
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from msrd_ros.table_tennis.teachers.side import PATH_PERIOD_S, PlannerConfig, face_sign, feed_path
 from msrd_ros.table_tennis.teachers.study_design import subject_name
-from msrd_ros.table_tennis.teachers.style import Flaws, Habits, PopulationConfig
+from msrd_ros.table_tennis.teachers.style import Flaws, PopulationConfig, Style
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Teacher:
     Parameters
     ----------
     subject
-        Index from 0; together with `seed` it determines all habits.
+        Index from 0; together with `seed` it determines all style.
     seed
         Of the population.
     population
@@ -61,7 +61,7 @@ class Teacher:
     ) -> None:
         self.subject = subject
         self.population = population or PopulationConfig()
-        self.habits = Habits.draw(self.population, np.random.default_rng((seed, subject)))
+        self.style = Style.draw(self.population, np.random.default_rng((seed, subject)))
         self._scene = (scene or Scene()).constants()
         self._feeder = feeder or Feeder()
         self._grip = grip or GuidanceConfig()
@@ -73,7 +73,7 @@ class Teacher:
         """For people and folders."""
         return subject_name(self.subject)
 
-    def begin(self, label: StrategyLabel, rng: np.random.Generator) -> LedStroke:
+    def begin(self, label: StrategyLabel, rng: np.random.Generator) -> GuidedStroke:
         """Get ready for a stroke.
 
         Parameters
@@ -85,9 +85,9 @@ class Teacher:
         """
         usual = self.intent(label)
         start = usual.ready + self.population.start_rad * np.clip(rng.standard_normal(7), -2.5, 2.5)
-        flaws = Flaws.draw(self.habits, self.population, rng)
+        flaws = Flaws.draw(self.style, self.population, rng)
         intent = Intent(usual.hit, usual.wish, start, usual.swing_s, usual.follow_s)
-        return LedStroke(intent, flaws, self.habits.skill, self._scene, self._grip, self._attention)
+        return GuidedStroke(intent, flaws, self.style.skill, self._scene, self._grip, self._attention)
 
     def intent(self, label: StrategyLabel) -> Intent:
         """What the teacher usually means to do: the planned stroke, made their own."""
@@ -96,7 +96,7 @@ class Teacher:
         return self._intents[label]
 
     def _practise(self, label: StrategyLabel) -> Intent:
-        habits = self.habits
+        style = self.style
         planned = planned_strokes()[label]
         start = _hit_of(planned)
         wish = self._wish(label, start)
@@ -104,21 +104,21 @@ class Teacher:
         hit, _ = solve_hit(start, wish, path, PATH_PERIOD_S, self._scene, _PRACTICE_STEPS)
         # From here on the own posture and rates are the familiar ones.
         wish = wish._replace(posture=hit[POSITION].copy(), rates=hit[RATE].copy())
-        swing_s = (planned.hit_time_s - planned.start_time_s) * habits.swing
-        ready = planned.start.position + habits.ready_rad[label]
+        swing_s = (planned.hit_time_s - planned.start_time_s) * style.swing
+        ready = planned.start.position + style.ready_rad[label]
         return Intent(hit, wish, ready, swing_s, planned.follow_s)
 
     def _wish(self, label: StrategyLabel, hit: Array) -> HitWish:
-        habits, planner = self.habits, PlannerConfig()
+        style, planner = self.style, PlannerConfig()
         spin = planner.spin(label.stroke)
-        spin += habits.push_spin_rad_s if label.stroke is Stroke.PUSH else habits.spin_fraction * spin
-        offset_x, offset_y = habits.landing_m[label]
+        spin += style.push_spin_rad_s if label.stroke is Stroke.PUSH else style.spin_fraction * spin
+        offset_x, offset_y = style.landing_m[label]
         return HitWish(
             face=face_sign(label.side),
             spin_y=spin,
             landing_x=planner.landing_m[0] + offset_x,
             landing_y=-face_sign(label.side) * planner.landing_m[1] + offset_y,
-            time=float(hit[TIME]) + habits.hit_time_s[label],
+            time=float(hit[TIME]) + style.hit_time_s[label],
             time_slack=_HIT_SLACK_S,
             highest_rate=0.85,
             posture=hit[POSITION].copy(),

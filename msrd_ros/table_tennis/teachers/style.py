@@ -77,7 +77,7 @@ class PopulationConfig:
 
 
 @dataclass(frozen=True)
-class Habits:
+class Style:
     """One teacher's own ways; see `PopulationConfig`. Per label where the strokes may differ."""
 
     hit_time_s: dict[StrategyLabel, float]
@@ -91,7 +91,7 @@ class Habits:
     slip: float
 
     @classmethod
-    def draw(cls, config: PopulationConfig, rng: np.random.Generator) -> Habits:
+    def draw(cls, config: PopulationConfig, rng: np.random.Generator) -> Style:
         """A teacher from the population."""
 
         def normal(sd: float) -> float:
@@ -159,12 +159,12 @@ class Flaws:
     tremor_phase: Array
 
     @classmethod
-    def draw(cls, habits: Habits, config: PopulationConfig, rng: np.random.Generator) -> Flaws:
+    def draw(cls, style: Style, config: PopulationConfig, rng: np.random.Generator) -> Flaws:
         """The flaws of a teacher's next stroke."""
         slips = [slip for slip in Slip if slip is not Slip.NONE]
-        slipped, which = rng.random() < habits.slip, slips[rng.integers(len(slips))]
+        slipped, which = rng.random() < style.slip, slips[rng.integers(len(slips))]
         slip = which if slipped else Slip.NONE
-        delay = habits.timing_s + config.stroke_timing_s * rng.standard_normal()
+        delay = style.timing_s + config.stroke_timing_s * rng.standard_normal()
         shift = np.concatenate(
             [
                 config.stroke_place_m * rng.standard_normal(3),

@@ -19,7 +19,7 @@ from msrd_ros.studies.hopper.environment import (  # noqa: E402
     mean_speed,
     task_reward,
 )
-from msrd_ros.studies.hopper.task import make_collector, make_restarting  # noqa: E402
+from msrd_ros.studies.hopper.task import make_autoreset, make_collector  # noqa: E402
 
 
 def test_equal_to_gymnasium_step_by_step() -> None:
@@ -45,7 +45,7 @@ def test_equal_to_gymnasium_step_by_step() -> None:
 
 
 def test_upright_strategies_start_again_after_a_fall() -> None:
-    hopper = Hopper(200, gets_up=(True, False))
+    hopper = Hopper(200, autoreset=(True, False))
     hopper.reset(2, 3, np.random.default_rng(5))
     states = np.stack([hopper.step(np.zeros((2, 3, 3))) for _ in range(200)], axis=2)
     healthy = is_healthy(states)
@@ -60,7 +60,7 @@ def test_upright_strategies_start_again_after_a_fall() -> None:
 
 def test_bad_examples_start_again_whenever_they_fall() -> None:
     policies = gait_policies(2, torch.Generator().manual_seed(0), 3.0, 3.0)
-    for maker, most in ((make_restarting, 0.2), (make_collector, 1.0)):
+    for maker, most in ((make_autoreset, 0.2), (make_collector, 1.0)):
         played = maker(200).collect(policies, 3, np.random.default_rng(6)).observations
         down = ~is_healthy(played)
         assert 0.0 < down.mean() < most

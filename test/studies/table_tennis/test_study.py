@@ -130,7 +130,7 @@ def test_what_was_played_over_topics_stands_in_the_report(
         for n in range(4)
     ]
     rates = {label: {"fed": 50, "returned": 47} for label in LABELS}
-    live = {"sweeps": 3, "episodes": 7}
+    live = {"iterations": 3, "episodes": 7}
     played = metrics | {
         "plan": metrics["plan"] | {"live": live},
         "over_topics": {"batched": rates, "topics": rates},
@@ -138,7 +138,7 @@ def test_what_was_played_over_topics_stands_in_the_report(
     }
     report = write_report(played, tmp_path).read_text()
     assert "47 of 50" in report
-    assert "after 3 sweeps of 7 rollouts" in report
+    assert "after 3 iterations of 7 rollouts" in report
     assert "4 sets were exchanged between strokes. Each point is 24 balls" in report
     assert "Over topics" not in (quick[0] / "report.html").read_text()
 
@@ -267,7 +267,7 @@ def test_methods_are_what_they_say(data: StudyData, method: Method, form: Reward
     config = make_training(method, data, Budget(), 0).trainer.config
     assert config.reward.form is form
     assert (config.discriminator.cross_weight > 0.0) is cross
-    assert not config.cloning.corrections
+    assert not config.cloning.recovery_labels
 
 
 def test_every_condition_has_a_file_of_its_own() -> None:
@@ -276,21 +276,21 @@ def test_every_condition_has_a_file_of_its_own() -> None:
 
 
 def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> None:
-    budget = Budget(sweeps=1, episodes=4, cloning_steps=5, threads=1)
+    budget = Budget(iterations=1, episodes=4, cloning_steps=5, threads=1)
     training = make_training(Method.MSRD_PER_STROKE, data, budget, 0)
-    assert training.owners == ("push", "slice", "topspin")
+    assert training.reward_groups == ("push", "slice", "topspin")
     assert training.trainer.rewards.strategy_network.copies == 3
     assert training.strategy_matrix(data.held_out).shape == (3, 3)
     _, strategies = training.rewards_of(data.held_out[0].observations[None], 0)
     assert strategies[0] == strategies[3]
     training.trainer.clone()
-    assert training.trainer.sweep()["environment_steps"] > 0
-    assert make_training(Method.MSRD, data, Budget(), 0).owners == tuple(map(str, ALL_LABELS))
+    assert training.trainer.iterate()["environment_steps"] > 0
+    assert make_training(Method.MSRD, data, Budget(), 0).reward_groups == tuple(map(str, ALL_LABELS))
 
 
 def test_corrective_start_and_worse_conditions_are_what_they_say(data: StudyData) -> None:
     corrective = make_training(Method.MSRD_CORRECTIVE_START, data, Budget(), 0).trainer.config
-    assert corrective.cloning.corrections
+    assert corrective.cloning.recovery_labels
     randomised = make_training(Method.MSRD_RANDOMISED, data, Budget(), 0)
     usual = make_training(Method.MSRD, data, Budget(), 0)
     assert randomised.trainer.config == usual.trainer.config

@@ -11,13 +11,13 @@ from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
-from msrd_ros.table_tennis.arm.via_point_path import find_way
+from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
 from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
 OVER_THE_TABLE = np.array([-0.15, -0.16, -0.26, 0.70, -1.16, 0.52, 0.24])
-"""Where a badly trained slice once ended: the straight way to its own ready pose grazes the table."""
+"""Where a badly trained slice once ended: the straight path to its own ready pose grazes the table."""
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +59,9 @@ def test_the_arm_gets_from_the_end_of_every_stroke_to_every_ready_pose(
 
 def test_an_arm_low_over_the_table_is_lifted_first(world: World) -> None:
     goal = ready_pose(ALL_LABELS[1])
-    assert find_way(JointReference(OVER_THE_TABLE, np.zeros(7)), goal) != []
+    assert find_path(JointReference(OVER_THE_TABLE, np.zeros(7)), goal) != []
     assert strays_on_the_way(world, OVER_THE_TABLE, goal) == 0
 
 
 def test_where_nothing_is_in_the_way_it_is_straight() -> None:
-    assert find_way(JointReference(HOME_POSTURE_RAD, np.zeros(7)), ready_pose(ALL_LABELS[0])) == []
+    assert find_path(JointReference(HOME_POSTURE_RAD, np.zeros(7)), ready_pose(ALL_LABELS[0])) == []

@@ -26,7 +26,7 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.teachers.hit_solver import RATE, TIME, carry_out, solve_hit
-from msrd_ros.table_tennis.teachers.planner import lowest_on_way, planned_strokes, write_strokes
+from msrd_ros.table_tennis.teachers.planner import lowest_on_path, planned_strokes, write_strokes
 from msrd_ros.table_tennis.teachers.side import (
     PATH_PERIOD_S,
     PlannerConfig,
@@ -192,7 +192,7 @@ def test_ready_poses_are_reached_clear_of_the_table() -> None:
     rests = [HOME_POSTURE_RAD, *(planned_strokes()[label].start.position for label in ALL_LABELS[::3])]
     for start in rests:
         for goal in rests:
-            assert lowest_on_way(start, goal) > Scene().table.height_m + 0.05
+            assert lowest_on_path(start, goal) > Scene().table.height_m + 0.05
 
 
 def test_planned_strokes_return_the_nominal_feed_with_their_spin() -> None:

@@ -1,4 +1,4 @@
-"""Synthetic teachers: their habits, what they make of the camera, and strokes led in teach mode."""
+"""Synthetic teachers: their style, what they make of the camera, and strokes led in teach mode."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path, path_at
 from msrd_ros.table_tennis.simulation.rally import Rally
-from msrd_ros.table_tennis.teachers.guided_stroke import LedStroke
+from msrd_ros.table_tennis.teachers.guided_stroke import GuidedStroke
 from msrd_ros.table_tennis.teachers.population import Teacher
 from msrd_ros.table_tennis.teachers.study_design import Verdict, judge_stroke
-from msrd_ros.table_tennis.teachers.style import Flaws, Habits, PopulationConfig, Slip
+from msrd_ros.table_tennis.teachers.style import Flaws, PopulationConfig, Slip, Style
 
 SCENE = Scene().constants()
 TICK_S = 0.004
@@ -92,8 +92,8 @@ def test_estimator_waits_for_the_flight_and_ignores_repeated_samples() -> None:
 
 def test_habits_come_from_the_seed_and_the_subject() -> None:
     one, same, other = Teacher(2, 7), Teacher(2, 7), Teacher(3, 7)
-    assert repr(one.habits) == repr(same.habits)
-    assert repr(one.habits) != repr(other.habits)
+    assert repr(one.style) == repr(same.style)
+    assert repr(one.style) != repr(other.style)
     assert one.name == "subject_03"
     for label in ALL_LABELS:
         np.testing.assert_array_equal(one.intent(label).hit, same.intent(label).hit)
@@ -109,8 +109,8 @@ def test_start_postures_vary_from_stroke_to_stroke() -> None:
 
 def test_slips_are_as_frequent_as_the_habit_says() -> None:
     rng, population = np.random.default_rng(1), PopulationConfig()
-    habits = replace(Habits.draw(population, rng), slip=0.3)
-    slips = [Flaws.draw(habits, population, rng).slip for _ in range(2000)]
+    style = replace(Style.draw(population, rng), slip=0.3)
+    slips = [Flaws.draw(style, population, rng).slip for _ in range(2000)]
     assert np.mean([slip is not Slip.NONE for slip in slips]) == pytest.approx(0.3, abs=0.04)
     assert set(slips) == set(Slip)
 
@@ -129,7 +129,7 @@ def rally() -> Iterator[Rally]:
         yield one
 
 
-def _show(rally: Rally, stroke: LedStroke, feed: Feed, seed: int) -> np.ndarray:
+def _show(rally: Rally, stroke: GuidedStroke, feed: Feed, seed: int) -> np.ndarray:
     """Lead one stroke, tick by tick; returns joint angles over joint rates, shape (T, 14)."""
     camera = Camera(CameraConfig(), np.random.default_rng(seed))
     rally.set_teach(False)

@@ -16,7 +16,7 @@ from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict, i
 
 
 @dataclass(frozen=True)
-class KeptStroke:
+class StoreResult:
     """What became of a stroke.
 
     Attributes
@@ -43,7 +43,7 @@ class KeptStroke:
         return f"{label} of {self.subject}, ball {self.stroke.ball_id or '?'}"
 
 
-class StrokeKeeper:
+class StrokeStore:
     """Writes accepted strokes below one folder.
 
     Parameters
@@ -78,7 +78,7 @@ class StrokeKeeper:
         topics: Mapping[str, BagTopic],
         latched: Mapping[str, Sequence[bytes]],
         keep_all: bool = False,
-    ) -> KeptStroke:
+    ) -> StoreResult:
         """Judge a stroke, and write it if it is accepted.
 
         Parameters
@@ -94,11 +94,11 @@ class StrokeKeeper:
         """
         verdict = inspect(stroke, self._limits)
         if stroke.label is None or not (verdict.accepted or keep_all):
-            return KeptStroke(stroke, subject, verdict)
+            return StoreResult(stroke, subject, verdict)
         free = self.free_bytes
         if free < self._minimum_free_bytes:
             detail = f"only {free / 1e6:.0f} MB are left on the disk of {self._directory}; make room"
-            return KeptStroke(stroke, subject, Verdict(Refusal.DISK_FULL, detail))
+            return StoreResult(stroke, subject, Verdict(Refusal.DISK_FULL, detail))
         messages = [*_latched_messages(latched, stroke.messages[0].log_time_ns), *label_joint_states(stroke)]
         used = dict.fromkeys(message.topic for message in messages)
         custom_data = {
@@ -119,8 +119,8 @@ class StrokeKeeper:
             )
         except OSError as error:
             detail = f"{self._directory} cannot be written ({error.strerror or error}); mend that and repeat"
-            return KeptStroke(stroke, subject, Verdict(Refusal.WRITE_FAILED, detail))
-        return KeptStroke(stroke, subject, verdict, path)
+            return StoreResult(stroke, subject, Verdict(Refusal.WRITE_FAILED, detail))
+        return StoreResult(stroke, subject, verdict, path)
 
 
 def _latched_messages(latched: Mapping[str, Sequence[bytes]], time_ns: int) -> list[BagMessage]:

@@ -13,12 +13,12 @@ import torch
 from msrd_ros.core.files import write_atomically
 
 
-def digest(*parts: Any) -> str:
+def cache_key(*parts: Any) -> str:
     """Short digest of settings (data for JSON), by which kept results are found again."""
     return sha256(json.dumps([*parts, torch.__version__]).encode()).hexdigest()[:12]
 
 
-def kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+def cached(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """The result (data for JSON) that is kept at `path`; if there is none yet, what `make` gives is."""
     if not path.exists():
         write_atomically(path, json.dumps(make()).encode())
