@@ -159,7 +159,7 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
             penalty_weight=0.1,
             gradient_penalty=0.005,
             # Six labels: two of the five others are strokes of the same side, which are the hard ones. At .3
-            # and with a slope penalty of .02, push and slice of unseen subjects came out level.
+            # and with a slope penalty of .02, two strokes of unseen subjects came out level.
             cross_weight=1.0,
             cross_batch=256,
             cross_demonstrations=1.0,

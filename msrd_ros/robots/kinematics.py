@@ -81,7 +81,7 @@ def place_paddle(joint_position: Array, position: Array, rotation: Array) -> Non
         Filled with the blade's centre in m, shape (3,).
     rotation
         Filled with the rotation of `right_l6`, shape (3, 3): columns are its axes in `world`; column 1 is
-        the normal of the forehand face, column 2 points along the handle to the blade.
+        the normal of the front face, column 2 points along the handle to the blade.
     """
     _place_at_base(position, rotation)
     for index in range(JOINT_COUNT):
@@ -101,7 +101,7 @@ def place_moving_paddle(joint_position: Array, joint_velocity: Array, paddle: Ar
     joint_position, joint_velocity
         Shape (7,), rad and rad/s.
     paddle
-        Filled with blade centre (m), normal of the forehand face, velocity of the centre (m/s) and angular
+        Filled with blade centre (m), normal of the front face, velocity of the centre (m/s) and angular
         velocity (rad/s), shape (12,).
     """
     position, rotation = np.empty(3), np.empty((3, 3))

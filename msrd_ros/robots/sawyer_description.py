@@ -113,7 +113,7 @@ PADDLE_MASS_KG = 0.25
 BLADE_CENTRE_BEYOND_FLANGE_M = 0.2045
 """The handle lies along z of `right_l6`; the blade's centre is this far beyond its origin.
 
-The blade's normal is the y axis of `right_l6`: the forehand face looks to +y, the backhand face to -y.
+The blade's normal is the y axis of `right_l6`: the front face looks to +y, the back face to -y.
 """
 BLADE_RADIUS_M = 0.075
 BLADE_THICKNESS_M = 0.012

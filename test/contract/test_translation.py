@@ -12,7 +12,6 @@ from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import JointState
 
 from msrd_ros.contract.episode import OBSERVATION_NAMES, action_to_velocity
-from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.translation import (
     BallTracker,
@@ -35,6 +34,8 @@ from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.sawyer import JOINT_NAMES, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 
 LABEL = ALL_LABELS[2]
 MS = 1_000_000

@@ -17,6 +17,7 @@ from msrd_ros.contract.outcome import Outcome
 from msrd_ros.robots.sawyer import JOINT_COUNT
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, Feed, Feeder, FeedSpread
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import PolicyFunction
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
@@ -104,14 +105,14 @@ class EvaluationBall(NamedTuple):
     """One ball: number, strategy, feed, offset of the start posture in standard deviations, seed."""
 
     number: int
-    label: StrategyLabel
+    label: PaperLabel
     feed: Feed
     offset: NDArray[np.float64]
     seed: tuple[int, ...]
 
 
 def evaluation_balls(
-    labels: Sequence[StrategyLabel], balls: int, seed: int, spread: FeedSpread
+    labels: Sequence[PaperLabel], balls: int, seed: int, spread: FeedSpread
 ) -> list[EvaluationBall]:
     """`balls` balls for each strategy: the same for whoever plays them."""
     rng = np.random.default_rng((EVALUATION_STREAM, seed))

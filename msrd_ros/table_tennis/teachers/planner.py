@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import link_frames, paddle_pose
 from msrd_ros.robots.limits import JointReference, shape_command, velocity_towards
@@ -27,6 +26,8 @@ from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.robots.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.hit_solver import POSITION, RATE, TIME, solve_hit
 from msrd_ros.table_tennis.teachers.side import (
     CLEAR_OF_TABLE_M,
@@ -50,7 +51,7 @@ _LONGEST_WAY_STEPS = 500
 
 def plan_side(
     side: Side, config: PlannerConfig, scene: Scene, feeder: Feeder, resting: list[Array]
-) -> dict[StrategyLabel, JointStroke]:
+) -> dict[PaperLabel, JointStroke]:
     """Plan the three strokes of one side against its nominal feed, from random postures. Takes seconds.
 
     Parameters
@@ -136,9 +137,9 @@ def lowest_on_path(start: Array, goal: Array) -> float:
 
 def plan_all(
     config: PlannerConfig | None = None, scene: Scene | None = None, feeder: Feeder | None = None
-) -> dict[StrategyLabel, JointStroke]:
+) -> dict[PaperLabel, JointStroke]:
     """Plan all six strokes."""
-    strokes: dict[StrategyLabel, JointStroke] = {}
+    strokes: dict[PaperLabel, JointStroke] = {}
     resting = [HOME_POSTURE_RAD]
     for side in Side:
         plan = plan_side(side, config or PlannerConfig(), scene or Scene(), feeder or Feeder(), resting)
@@ -147,7 +148,7 @@ def plan_all(
     return strokes
 
 
-def write_strokes(strokes: dict[StrategyLabel, JointStroke], path: Path = PLAN_FILE) -> None:
+def write_strokes(strokes: dict[PaperLabel, JointStroke], path: Path = PLAN_FILE) -> None:
     """Keep planned strokes as JSON; times in s, angles in rad."""
     document = {
         str(label): {
@@ -164,7 +165,7 @@ def write_strokes(strokes: dict[StrategyLabel, JointStroke], path: Path = PLAN_F
 
 
 @cache
-def planned_strokes(path: Path = PLAN_FILE) -> dict[StrategyLabel, JointStroke]:
+def planned_strokes(path: Path = PLAN_FILE) -> dict[PaperLabel, JointStroke]:
     """The kept strokes for the standard scene and the nominal feed.
 
     Raises

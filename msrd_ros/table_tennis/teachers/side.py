@@ -14,7 +14,6 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
 from msrd_ros.robots.dynamics import inverse_dynamics_into
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
 from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
@@ -24,6 +23,8 @@ from msrd_ros.robots.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.ball.feeder import Feed
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.hit_solver import (
     HIT_SIZE,
     POSITION,
@@ -119,7 +120,7 @@ def feed_path(feed: Feed, scene: NDArray[np.void]) -> Array:
     return ball_path(feed.state(), PATH_PERIOD_S, PATH_ROWS, scene)
 
 
-def wish_for(label: StrategyLabel, config: PlannerConfig, posture: Array, posture_weight: float) -> HitWish:
+def wish_for(label: PaperLabel, config: PlannerConfig, posture: Array, posture_weight: float) -> HitWish:
     """The hit that a stroke asks for, near to a posture (7,)."""
     return HitWish(
         face=face_sign(label.side),
@@ -208,7 +209,7 @@ class SideProblem:
 
     def __init__(self, side: Side, config: PlannerConfig, path: Array, scene: NDArray[np.void]) -> None:
         self.config, self.path, self.scene = config, path, scene
-        self.labels = [StrategyLabel(side, stroke) for stroke in _STROKES]
+        self.labels = [PaperLabel(side, stroke) for stroke in _STROKES]
         self._buffer = np.empty(1000)
 
     def start(self, push: Array) -> tuple[Array, float]:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 

@@ -8,13 +8,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel, Stroke
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import MissReason
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.limits import JointReference, shape_command
 from msrd_ros.robots.quintic import JointStroke
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
 PERIOD_S = 0.02

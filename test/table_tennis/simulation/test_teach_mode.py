@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.quintic import JointStroke
@@ -16,6 +16,7 @@ from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.teachers.impedance_guidance import leading_hand
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
