@@ -22,7 +22,7 @@ def test_a_well_formed_name_is_a_label(text: str) -> None:
     "text", ["", "My-smash", "my_smash", "base_link", "a/b", "..", "a b", "a\n", "ä", "a" * 65, *FRAME_NAMES]
 )
 def test_anything_else_is_refused_by_name(text: str) -> None:
-    with pytest.raises(UserError, match="topic strategy: .* no strategy label"):
+    with pytest.raises(UserError, match=r"topic strategy: .* no strategy label"):
         StrategyLabel.parse(text, "topic strategy")
     with pytest.raises(UserError, match="no strategy label"):
         StrategyLabel(text)
