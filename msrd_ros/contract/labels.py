@@ -28,6 +28,7 @@ class StrategyLabel(str):
     __slots__ = ()
 
     def __new__(cls, text: str) -> StrategyLabel:
+        """Read a label; see `parse`."""
         return cls.parse(text)
 
     @classmethod

@@ -41,20 +41,6 @@ def share_directory() -> Path:
     )
 
 
-def config_file(node: str) -> Path:
-    """Parameter file of a node: ``config/<node>.yaml``.
-
-    Raises
-    ------
-    UserError
-        If there is none; names it.
-    """
-    path = share_directory() / "config" / f"{node}.yaml"
-    if not path.is_file():
-        raise UserError(f"parameter file {path}: not found; install {PACKAGE} again or pass --params-file")
-    return path
-
-
 def shipped_bags() -> Path:
     """Folder of the recorded strokes that come with the package.
 

@@ -98,13 +98,16 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
 
 
 def _share(rows: dict[str, Any], name: str) -> float:
-    return sum(row[name] for row in rows.values()) / max(sum(row["fed"] for row in rows.values()), 1)
+    count: int = sum(row[name] for row in rows.values())
+    fed: int = sum(row["fed"] for row in rows.values())
+    return count / max(fed, 1)
 
 
 def _spin_share(rows: dict[str, Any]) -> float:
     judged = [row for row in rows.values() if row["spin_class_right"] is not None]
-    returned = sum(row["returned"] for row in judged)
-    return sum(row["spin_class_right"] for row in judged) / max(returned, 1)
+    returned: int = sum(row["returned"] for row in judged)
+    right: int = sum(row["spin_class_right"] for row in judged)
+    return right / max(returned, 1)
 
 
 def _interval(row: dict[str, Any], name: str) -> str:

@@ -69,7 +69,6 @@ def box(size: Vector, centre: Vector, colour: str, turn: Vector = (0.0, 0.0, 0.0
 
 RED, GREY, BLACK, SILVER = "sawyer_red", "sawyer_grey", "sawyer_black", "sawyer_silver"
 _PEDESTAL = BASE_POSITION[2]
-_GRIP_END = 0.115
 _RUBBER = BLADE_THICKNESS_M / 4
 
 LINK_SHAPES: dict[str, tuple[Shape, ...]] = {

@@ -72,13 +72,10 @@ def test_nothing_found_says_what_to_do(tmp_path: Path, monkeypatch: pytest.Monke
         resources.share_directory()
 
 
-def test_missing_files_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_bags_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pretend_code_is_under(tmp_path / "lib", monkeypatch)
     share = install_share_under(tmp_path)
-    with pytest.raises(UserError, match=r"umpire\.yaml"):
-        resources.config_file("umpire")
     with pytest.raises(UserError, match="bags"):
         resources.shipped_bags()
-    (share / "config").mkdir()
-    (share / "config" / "umpire.yaml").touch()
-    assert resources.config_file("umpire") == share / "config" / "umpire.yaml"
+    (share / "bags").mkdir()
+    assert resources.shipped_bags() == share / "bags"

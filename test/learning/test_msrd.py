@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,13 +37,15 @@ from msrd_ros.learning.config import (
 from msrd_ros.learning.discriminator import Penalty
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import Policies
-from msrd_ros.learning.presets import as_printed, inverted_pendulum, table_tennis
+from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts, Transitions
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum
+from msrd_ros.table_tennis.strokes.presets import table_tennis
 
 BASE = MSRDConfig(iterations=3, discriminator=DiscriminatorConfig(steps=3, batch=32, cross_batch=16))
 
@@ -116,7 +119,7 @@ def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_example
     ],
     ids=lambda changes: "+".join(changes),
 )
-def test_options_of_the_discriminator(changes: dict) -> None:
+def test_options_of_the_discriminator(changes: dict[str, Any]) -> None:
     plain = run(BASE)
     other = run(replace(BASE, discriminator=replace(BASE.discriminator, **changes)))
     assert not torch.equal(plain.rewards.task_network.flat(), other.rewards.task_network.flat())

@@ -11,9 +11,10 @@ from learning_problems import PointMass, point_demonstrations
 from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
 from msrd_ros.learning.config import DiscriminatorConfig, MSRDConfig
 from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.presets import as_printed, hopper
+from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Transitions
+from msrd_ros.studies.hopper.presets import hopper
 
 BASE = MSRDConfig(iterations=3, discriminator=DiscriminatorConfig(steps=60, batch=32, learning_rate=1e-2))
 

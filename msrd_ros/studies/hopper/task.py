@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.learning.config import MSRDConfig
-from msrd_ros.learning.presets import hopper
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.studies.hopper.demonstrators import FEATURE_SCALES, hopper_features
 from msrd_ros.studies.hopper.environment import (
@@ -22,6 +21,7 @@ from msrd_ros.studies.hopper.environment import (
     is_healthy,
     task_reward,
 )
+from msrd_ros.studies.hopper.presets import hopper
 from msrd_ros.studies.shared.methods import Method
 from msrd_ros.studies.shared.task import VirtualTask
 

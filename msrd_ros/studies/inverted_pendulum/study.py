@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.learning.presets import inverted_pendulum, inverted_pendulum_as_printed
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.studies.inverted_pendulum.demonstrators import Kind, cached_demonstrators
 from msrd_ros.studies.inverted_pendulum.environment import (
@@ -21,6 +20,7 @@ from msrd_ros.studies.inverted_pendulum.environment import (
     has_fallen,
     task_reward,
 )
+from msrd_ros.studies.inverted_pendulum.presets import inverted_pendulum, inverted_pendulum_as_printed
 from msrd_ros.studies.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.studies.inverted_pendulum.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.inverted_pendulum.truths import pendulum_features

@@ -209,11 +209,6 @@ class JointDriver:
         """Where the joints shall be now."""
         return JointReference(self._state[0].copy(), self._state[1].copy())
 
-    @property
-    def has_command(self) -> bool:
-        """Whether a command is still being followed."""
-        return self._steps_left > 0
-
     def hold_at(self, position: Array, velocity: Array | None = None) -> None:
         """Forget any command; the reference is at `position` (7,), and comes to rest if it moves."""
         self._before[:] = self._state[0] = position

@@ -75,11 +75,6 @@ class LimitLog:
         return int(self.counts[1])
 
     @property
-    def position_exceeded(self) -> int:
-        """Samples with a joint outside its position limits."""
-        return int(self.counts[2])
-
-    @property
     def torque_exceeded(self) -> int:
         """Samples with a joint over its torque limit."""
         return int(self.counts[3])

@@ -6,8 +6,6 @@ they can be seen in small frames; what is behind robot, table or net is painted 
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -132,7 +130,10 @@ class FilmStudio:
         self._paint_trail(canvas, path)
         size = self.style.supersampling
         shape = (self.style.height, size, self.style.width, size, 3)
-        return canvas.pixels.reshape(shape).mean(axis=(1, 3)).round().clip(0, 255).astype(np.uint8)
+        pixels: NDArray[np.uint8] = (
+            canvas.pixels.reshape(shape).mean(axis=(1, 3)).round().clip(0, 255).astype(np.uint8)
+        )
+        return pixels
 
     def _photograph(self) -> _Canvas:
         style = self.style
@@ -273,17 +274,3 @@ def film_strip(frames: Sequence[Image], gap: int = 3, columns: int | None = None
         top, left = index // columns * (height + gap), index % columns * (width + gap)
         strip[top : top + height, left : left + width] = frame
     return strip
-
-
-def png_bytes(image: Image) -> bytes:
-    """An image as a PNG file."""
-    height, width, _ = image.shape
-    rows = np.zeros((height, 1 + 3 * width), dtype=np.uint8)
-    rows[:, 1:] = image.reshape(height, 3 * width)
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b""))
-    chunks = (
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in parts
-    )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)

@@ -32,6 +32,7 @@ class PaperLabel(StrategyLabel):
     stroke: Stroke
 
     def __new__(cls, side: Side, stroke: Stroke) -> PaperLabel:
+        """Name a side's stroke."""
         label = str.__new__(cls, f"{side.value}-{stroke.value}")
         label.side, label.stroke = side, stroke
         return label

@@ -22,7 +22,7 @@ import yaml
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.resources import config_file
+from msrd_ros.core.resources import share_directory
 
 _KEYS = frozenset({"side", "stroke", "description", "spin_rad_s", "colour"})
 _COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
@@ -179,7 +179,7 @@ def _least(spin: SpinRange) -> float:
 
 @cache
 def _shipped() -> Strategies:
-    return Strategies.read(config_file("strategies"))
+    return Strategies.read(share_directory() / "config" / "strategies.yaml")
 
 
 def _read_entry(name: Any, entry: Any, where: str) -> Strategy:

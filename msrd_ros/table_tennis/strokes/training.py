@@ -26,7 +26,6 @@ from msrd_ros.learning.airl import airl_per_strategy
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
-from msrd_ros.learning.presets import table_tennis, with_recovery_labels
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 from msrd_ros.robots.sawyer import JOINT_NAMES
@@ -39,6 +38,7 @@ from msrd_ros.table_tennis.simulation.batched import (
 )
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
+from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
 METHODS = ("msrd", "airl")
 REWARD_GROUPS: dict[str, Callable[[Strategy], str]] = {
@@ -233,7 +233,9 @@ class StrokeTraining:
         exported = export_policies(self.trainer.policies, self.trainer.layout, details)
         return StrokePolicies(exported, self._facts, exploration_seed)
 
-    def evaluate(self, balls: int, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+    def evaluate(
+        self, balls: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Shares of struck and of returned balls, (S,) each, of the mean policies in the batched simulator.
 
         For the progress report only: rates that count are played in Bullet.
@@ -287,4 +289,5 @@ class StrokeTraining:
             if rows:
                 matrix[:, column] = self.rewards_of(np.stack(rows), 0)[1][first].mean(axis=1)
         low, high = matrix.min(axis=1, keepdims=True), matrix.max(axis=1, keepdims=True)
-        return (matrix - low) / np.maximum(high - low, 1e-12)
+        scaled: NDArray[np.float64] = (matrix - low) / np.maximum(high - low, 1e-12)
+        return scaled

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
-
 import numpy as np
 
 from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
-from msrd_ros.table_tennis.simulation.render import FilmStudio, FilmStyle, film_frames, film_strip, png_bytes
+from msrd_ros.table_tennis.simulation.render import FilmStudio, FilmStyle, film_frames, film_strip
 
 SMALL = FilmStyle(width=160, height=120)
 BALLS = np.array([[0.5, 0.0, 1.15], [0.0, 0.0, 1.25], [-0.9, -0.1, 0.9]])
@@ -58,20 +55,3 @@ def test_a_strip_holds_all_frames_in_rows() -> None:
     rows = film_strip(frames, gap=2, columns=2)
     assert rows.shape == (10, 14, 3)
     np.testing.assert_array_equal(rows[6:, :6], frames[2])
-
-
-def test_a_png_reads_back() -> None:
-    image = np.random.default_rng(0).integers(0, 256, (5, 7, 3), dtype=np.uint8)
-    data = png_bytes(image)
-    assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    place, chunks = 8, {}
-    while place < len(data):
-        (length,) = struct.unpack(">I", data[place : place + 4])
-        kind, body = data[place + 4 : place + 8], data[place + 8 : place + 8 + length]
-        (check,) = struct.unpack(">I", data[place + 8 + length : place + 12 + length])
-        assert check == zlib.crc32(kind + body)
-        chunks[kind] = body
-        place += 12 + length
-    assert struct.unpack(">II", chunks[b"IHDR"][:8]) == (7, 5)
-    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), dtype=np.uint8).reshape(5, 22)
-    np.testing.assert_array_equal(rows[:, 1:].reshape(5, 7, 3), image)
