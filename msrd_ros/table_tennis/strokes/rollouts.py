@@ -80,11 +80,11 @@ class StrokeBatch:
         seed = int(rng.integers(2**31))
         feeder = Feeder()
         strokes: list[Stroke] = []
-        for label in policies.labels:
+        for label, facts in policies.facts.items():
             for _ in range(episodes):
                 index = len(strokes)
                 feed = feeder.sample(
-                    label.side, SPREADS[spread], np.random.default_rng((FEED_STREAM, seed, index))
+                    facts.side, SPREADS[spread], np.random.default_rng((FEED_STREAM, seed, index))
                 )
                 strokes.append(Stroke(label, feed, index))
         exploring = replace(policies, exploration_seed=seed, ready_noise_rad=ready_noise_rad)
