@@ -11,7 +11,7 @@ Trajectory = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Observations ``[n, O]`` and actions ``[m, A]``, n and m about equal."""
 
 SHIFTS = (0, 1, -1, 2, -2)
-MOST_SAMPLES = 20_000
+LEAST_SAMPLES, MOST_SAMPLES = 80, 20_000
 CLEAR = 1.5
 """How much more another shift has to explain before it is believed."""
 LEAST_EXPLAINED = 0.02
@@ -29,7 +29,7 @@ def explained_by_actions(trajectories: Sequence[Trajectory], shift: int) -> floa
     parts = [_aligned(*trajectory, shift) for trajectory in trajectories]
     before, after, action = (np.concatenate([part[index] for part in parts]) for index in range(3))
     acted_at = np.concatenate([part[3] for part in parts])
-    if len(before) < 8:
+    if len(before) < LEAST_SAMPLES:
         return 0.0
     stride = -(-len(before) // MOST_SAMPLES)
     before, after, action, acted_at = (array[::stride] for array in (before, after, action, acted_at))
@@ -76,7 +76,7 @@ def _standard(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _curved(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Random tanh features beside the values themselves."""
     rng = np.random.default_rng(0)
-    count = min(100, max(4, len(values) // 20))
+    count = min(300, max(4, len(values) // 20))
     weights = rng.normal(size=(values.shape[1], count)) / np.sqrt(values.shape[1])
     return np.concatenate([values, np.tanh(2.0 * values @ weights + rng.normal(size=count))], axis=1)
 
