@@ -35,7 +35,7 @@ def test_actions_that_stand_right_pass(make: Callable[[], list[Trajectory]]) -> 
 
 @pytest.mark.parametrize(
     ("make", "shift"),
-    # A smooth policy without noise says nothing of the third: its next action is a function of the next state.
+    # Smooth policies without noise do not tell the third: their next action follows from the next state.
     [(landings, 1), (drives, 1), (drives, -1)],
 )
 def test_the_better_shift_is_found(make: Callable[[], list[Trajectory]], shift: int) -> None:

@@ -14,7 +14,7 @@ from gym_problems import NAMES, Track, quick, short, track_arrays, track_demonst
 from learning_problems import PointMass, point_demonstrations
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.cloning import CloningConfig
-from msrd_ros.learning.config import FeatureConfig, MSRDConfig
+from msrd_ros.learning.config import FeatureConfig
 from msrd_ros.learning.demonstration_sets import demonstrations_from_arrays
 from msrd_ros.learning.environment import GymEnvironment
 from msrd_ros.learning.learned import Learned
@@ -138,7 +138,7 @@ def test_restarts_need_an_environment_that_starts_again() -> None:
 
 def test_columns_in_another_order_are_warned_of() -> None:
     seen, done, labels = track_arrays({"left": -1.0, "right": 1.0})
-    moved = [states + [30.0, 0.0] for states in seen]
+    moved = [states + np.array([30.0, 0.0]) for states in seen]
     demonstrations = demonstrations_from_arrays(moved, done, labels)
     with pytest.warns(UserWarning, match=r"'observation_0' begins at 30.* in another order or unit"):
         quick(demonstrations=demonstrations, method="cloning")
