@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
+from rclpy.utilities import try_shutdown
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
@@ -31,6 +32,7 @@ from msrd_ros.bags.reader import Bag  # noqa: E402
 from msrd_ros.bags.schemas import typestore  # noqa: E402
 from msrd_ros.bags.writer import keep_stroke  # noqa: E402
 from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel  # noqa: E402
+from msrd_ros.contract.topics import BagMessage  # noqa: E402
 from msrd_ros.recordings.episodes import read_episodes  # noqa: E402
 from msrd_ros.recordings.library import BagLibrary  # noqa: E402
 from processes import Installation, Launcher  # noqa: E402
@@ -84,7 +86,7 @@ def write_and_read(folder: Path, strokes: int) -> None:
     print(f"{len(messages)} messages a bag, {size / 1e3:.0f} kB\n")
 
 
-def sessions(seconds: float, joint_hz: float) -> Iterator[tuple[StrategyLabel, list]]:
+def sessions(seconds: float, joint_hz: float) -> Iterator[tuple[StrategyLabel, list[BagMessage]]]:
     """Strokes back to back on the wall clock, made beforehand."""
     begin_ns = time.time_ns() + 10_000_000_000
     for number in range(max(1, round(seconds / STROKE_S))):
@@ -128,7 +130,7 @@ def record(folder: Path, seconds: float, joint_hz: float) -> int:
         return lost + gaps + len(strokes) - kept
     finally:
         launcher.close()
-        rclpy.try_shutdown()
+        try_shutdown()
 
 
 def replay(folder: Path) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import Any, SupportsFloat
 
 import gymnasium
 import numpy as np
@@ -22,15 +23,16 @@ from sb3_contrib import TRPO
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 
-class NoTermination(gymnasium.Wrapper):
+class NoTermination(gymnasium.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray]):
     """The paper's environment: the episode goes on when the pole has fallen."""
 
-    def step(self, action):
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
+        """As the environment steps, without its end."""
         observation, reward, _, truncated, info = self.env.step(action)
         return observation, reward, False, truncated, info
 
 
-def make(steps: int) -> gymnasium.Env:
+def make(steps: int) -> gymnasium.Env[np.ndarray, np.ndarray]:
     """One environment of `steps` steps an episode."""
     world = gymnasium.make("InvertedPendulum-v4", max_episode_steps=steps)
     return NoTermination(world)

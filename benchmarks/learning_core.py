@@ -38,10 +38,12 @@ class Drift:
     horizon = acting_steps = 250
 
     def reset(self, strategies: int, episodes: int, rng: np.random.Generator) -> np.ndarray:
+        """Start near the origin."""
         self._state = rng.normal(scale=0.1, size=(strategies, episodes, 4))
         return self._state
 
     def step(self, action: np.ndarray) -> np.ndarray:
+        """Decay, pushed in the last column."""
         self._state = 0.99 * self._state
         self._state[..., 3] += 0.04 * np.clip(action[..., 0], -3.0, 3.0)
         return self._state

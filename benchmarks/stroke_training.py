@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -43,22 +44,22 @@ class Variant:
     scattered: bool = True
 
 
-def trust_region(**changes: float) -> Change:
+def trust_region(**changes: Any) -> Change:
     """Other settings of the natural gradient."""
     return lambda config: replace(config, trust_region=replace(config.trust_region, **changes))
 
 
-def value(**changes: int) -> Change:
+def value(**changes: Any) -> Change:
     """Other settings of the value functions."""
     return lambda config: replace(config, value=replace(config.value, **changes))
 
 
-def policy(**changes: float) -> Change:
+def policy(**changes: Any) -> Change:
     """Other settings of the policies."""
     return lambda config: replace(config, policy=replace(config.policy, **changes))
 
 
-def discriminator(**changes: float) -> Change:
+def discriminator(**changes: Any) -> Change:
     """Other settings of the rewards' training."""
     return lambda config: replace(config, discriminator=replace(config.discriminator, **changes))
 

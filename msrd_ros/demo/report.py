@@ -92,12 +92,15 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
 
 
 def _share(rows: dict[str, Any], name: str) -> float:
-    return sum(row[name] for row in rows.values()) / max(sum(row["fed"] for row in rows.values()), 1)
+    count: int = sum(row[name] for row in rows.values())
+    fed: int = sum(row["fed"] for row in rows.values())
+    return count / max(fed, 1)
 
 
 def _spin_share(rows: dict[str, Any]) -> float:
-    returned = sum(row["returned"] for row in rows.values())
-    return sum(row["spin_class_right"] for row in rows.values()) / max(returned, 1)
+    returned: int = sum(row["returned"] for row in rows.values())
+    right: int = sum(row["spin_class_right"] for row in rows.values())
+    return right / max(returned, 1)
 
 
 def _interval(row: dict[str, Any], name: str) -> str:

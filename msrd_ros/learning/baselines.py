@@ -63,11 +63,12 @@ class _StateNetwork:
 
     def _outputs(self, states: Tensor) -> Tensor:
         """Of ``states [N, O]``, ``[N, S]``."""
-        return self.network(self._features(states.unsqueeze(0)))[0]
+        outputs: Tensor = self.network(self._features(states.unsqueeze(0)))[0]
+        return outputs
 
 
 class StrategyClassifier(_StateNetwork):
-    """Softmax classifier q(i|s) on the demonstrations' states: which strategy does a state belong to?"""
+    """Softmax classifier q(i|s) on the demonstrations' states: which strategy a state belongs to."""
 
     def fit(
         self,
@@ -86,7 +87,7 @@ class StrategyClassifier(_StateNetwork):
 
     @torch.no_grad()
     def log_posterior(self, observations: Tensor) -> Tensor:
-        """log q(i|s) of ``observations [N, O]`` for every strategy, ``[S, N]``."""
+        """Log q(i|s) of ``observations [N, O]`` for every strategy, ``[S, N]``."""
         return torch.log_softmax(self._outputs(observations), dim=-1).T
 
 
@@ -133,4 +134,5 @@ class SupervisedRewards(_StateNetwork):
     def table(self, observations: Tensor) -> Tensor:
         """Rewards of ``observations [N, O]`` for every strategy, ``[S, N]``."""
         low, high = self.bounds
-        return (low + (high - low) * self._outputs(observations)).clamp(low, high).T
+        rewards: Tensor = low + (high - low) * self._outputs(observations)
+        return rewards.clamp(low, high).T

@@ -61,7 +61,7 @@ class CategoricalPolicies(nn.Module):
         return CategoricalDistribution(torch.log_softmax(self.network(self.features(observations)), dim=-1))
 
     def log_prob(self, distribution: CategoricalDistribution, actions: Tensor) -> Tensor:
-        """log pi_i(a|s) of action indices ``[S, N, 1]``, ``[S, N]``."""
+        """Log pi_i(a|s) of action indices ``[S, N, 1]``, ``[S, N]``."""
         return torch.gather(distribution.log_probs, -1, actions.long()).squeeze(-1)
 
     def entropy(self, distribution: CategoricalDistribution) -> Tensor:
@@ -108,7 +108,7 @@ class CategoricalPolicies(nn.Module):
     def rollout_log_probs(
         self, observations: NDArray[np.floating], actions: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """log pi_i of ``actions [S, K, T, 1]`` at ``observations [S, K, T, O]``, ``[S, K, T]``."""
+        """Log pi_i of ``actions [S, K, T, 1]`` at ``observations [S, K, T, O]``, ``[S, K, T]``."""
         strategies, count, steps = actions.shape[:3]
         states = torch.as_tensor(observations, dtype=torch.float32).flatten(1, 2)
         values = self.log_prob(self.distribution(states), torch.as_tensor(actions).flatten(1, 2))

@@ -94,7 +94,7 @@ class DiaynReward:
 
     @torch.no_grad()
     def log_posterior(self, states: Tensor) -> Tensor:
-        """log q(z|s) of ``states [N, O]`` for every z, ``[S, N]``."""
+        """Log q(z|s) of ``states [N, O]`` for every z, ``[S, N]``."""
         return torch.log_softmax(self.posterior(self.features(states.unsqueeze(0)))[0], dim=-1).T
 
     @torch.no_grad()

@@ -230,7 +230,7 @@ class MSRD:
     @torch.no_grad()
     def _reward(self, generated: Transitions) -> Tensor:
         """Line 9: ``[S, N]``."""
-        reward = self.rewards(generated).combined
+        reward: Tensor = self.rewards(generated).combined
         if self.config.policy_reward is PolicyReward.LOGIT:
             reward = reward - generated.log_prob
         return reward

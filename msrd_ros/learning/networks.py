@@ -7,6 +7,7 @@ product (tangent forward, cotangent backward) that the natural gradient needs, w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import torch
@@ -27,6 +28,8 @@ class BatchedMLP(nn.Module):
     output_gain
         Factor on the last layer's initial weights; small values start policies near zero.
     """
+
+    __call__: Callable[..., Tensor]  # torch says Any
 
     def __init__(
         self, copies: int, sizes: tuple[int, ...], generator: torch.Generator, output_gain: float = 1.0
@@ -156,6 +159,8 @@ class Features(nn.Module):
     indices: Tensor
     offset: Tensor
     scale: Tensor
+
+    __call__: Callable[..., Tensor]  # torch says Any
 
     def __init__(self, indices: tuple[int, ...], offset: tuple[float, ...], scale: tuple[float, ...]) -> None:
         super().__init__()

@@ -39,7 +39,7 @@ class Policies(Protocol):
         ...
 
     def log_prob(self, distribution: Any, actions: Tensor) -> Tensor:
-        """log pi_i(a|s), ``[S, N]``."""
+        """Log pi_i(a|s), ``[S, N]``."""
         ...
 
     def entropy(self, distribution: Any) -> Tensor:
@@ -75,7 +75,7 @@ class Policies(Protocol):
     def rollout_log_probs(
         self, observations: NDArray[np.floating], actions: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """log pi_i along trajectories, ``[S, K, T]``."""
+        """Log pi_i along trajectories, ``[S, K, T]``."""
         ...
 
     def state_dict(self) -> dict[str, Any]:
@@ -140,7 +140,7 @@ class GaussianPolicies(nn.Module):
         return GaussianDistribution(self.network(self.features(observations)), self.log_std)
 
     def log_prob(self, distribution: GaussianDistribution, actions: Tensor) -> Tensor:
-        """log pi_i(a|s) of ``actions [S, N, A]``, ``[S, N]``."""
+        """Log pi_i(a|s) of ``actions [S, N, A]``, ``[S, N]``."""
         mean, log_std = distribution
         standard = (actions - mean) * torch.exp(-log_std)
         return (-0.5 * standard.square() - log_std - 0.5 * math.log(2.0 * math.pi)).sum(dim=-1)
@@ -202,13 +202,14 @@ class GaussianPolicies(nn.Module):
         mean = self.network(self.features(torch.as_tensor(observations, dtype=torch.float32)))
         if noise is not None:
             mean = mean + torch.exp(self.log_std) * torch.as_tensor(noise, dtype=torch.float32)
-        return mean.numpy()
+        actions: NDArray[np.float32] = mean.numpy()
+        return actions
 
     @torch.no_grad()
     def rollout_log_probs(
         self, observations: NDArray[np.floating], actions: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """log pi_i of ``actions [S, K, T, A]`` at ``observations [S, K, T, O]``, ``[S, K, T]``."""
+        """Log pi_i of ``actions [S, K, T, A]`` at ``observations [S, K, T, O]``, ``[S, K, T]``."""
         strategies, count, steps = actions.shape[:3]
         states = torch.as_tensor(observations, dtype=torch.float32).flatten(1, 2)
         drawn = torch.as_tensor(actions, dtype=torch.float32).flatten(1, 2)

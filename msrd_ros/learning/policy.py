@@ -51,7 +51,9 @@ class Policy:
     offset: NDArray[np.float32]
     scale: NDArray[np.float32]
 
-    def act(self, observation: NDArray[np.floating], noise: NDArray[np.floating] | None = None) -> NDArray:
+    def act(
+        self, observation: NDArray[np.floating], noise: NDArray[np.floating] | None = None
+    ) -> NDArray[np.floating]:
         """Action ``[..., A]`` for ``observation [..., O]``, not clipped; the mean unless `noise` is given."""
         hidden = (np.asarray(observation, dtype=np.float32)[..., self.indices] - self.offset) / self.scale
         last = len(self.weights) - 1
@@ -76,7 +78,7 @@ class PolicySet:
     """
 
     layout: Layout
-    tensors: dict[str, NDArray]
+    tensors: dict[str, NDArray[Any]]
     details: dict[str, Any]
 
     def policy(self, label: str) -> Policy:
@@ -172,7 +174,7 @@ def _check_shapes(policies: PolicySet, where: str) -> None:
         raise UserError(f"{where}: damaged checkpoint ({problem}); use another one")
 
 
-def tensor_digest(tensors: dict[str, NDArray]) -> str:
+def tensor_digest(tensors: dict[str, NDArray[Any]]) -> str:
     """SHA-256 over names, shapes and values, in the order of the names."""
     digest = hashlib.sha256()
     for name in sorted(tensors):
@@ -201,7 +203,7 @@ def read_header(data: bytes, where: str) -> dict[str, Any]:
         if not 0 < length <= len(data) - 8:
             raise ValueError
         header = json.loads(data[8 : 8 + length])
-        content = json.loads(header["__metadata__"][HEADER_KEY])
+        content: dict[str, Any] = json.loads(header["__metadata__"][HEADER_KEY])
         version = content["format"]
     except (ValueError, KeyError, TypeError):
         raise UserError(f"{where}: not a checkpoint of msrd_ros; give one that the trainer wrote") from None

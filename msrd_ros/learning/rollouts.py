@@ -25,13 +25,24 @@ class BatchedEnvironment(Protocol):
     """
 
     @property
-    def observation_names(self) -> tuple[str, ...]: ...
+    def observation_names(self) -> tuple[str, ...]:
+        """Names of the observed columns."""
+        ...
+
     @property
-    def action_names(self) -> tuple[str, ...]: ...
+    def action_names(self) -> tuple[str, ...]:
+        """Names of the action's columns."""
+        ...
+
     @property
-    def horizon(self) -> int: ...
+    def horizon(self) -> int:
+        """Steps of an episode."""
+        ...
+
     @property
-    def acting_steps(self) -> int: ...
+    def acting_steps(self) -> int:
+        """Steps in which the policy acts."""
+        ...
 
     def reset(self, strategies: int, episodes: int, rng: np.random.Generator) -> NDArray[np.floating]:
         """Start `episodes` episodes for each strategy; first observations ``[S, K, O]``."""

@@ -98,7 +98,8 @@ class AdaptiveSubscription:
     @property
     def connected(self) -> bool:
         """Whether messages of at least one publisher arrive: matched, not only discovered."""
-        return self._subscription.get_publisher_count() > 0
+        publishers: int = self._subscription.get_publisher_count()
+        return publishers > 0
 
     def adapt(self) -> None:
         """Look at the publishers that are there, and ask for what all of them offer."""

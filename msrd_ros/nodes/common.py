@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -25,6 +26,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import ok, try_shutdown
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import ParameterFacts
@@ -88,7 +90,8 @@ def _descriptor(facts: ParameterFacts, default: object) -> ParameterDescriptor:
 def _parameter_type(default: object) -> Parameter.Type:
     if isinstance(default, list) and not default:
         return Parameter.Type.STRING_ARRAY
-    return Parameter.Type.from_parameter_value(default)
+    kind: Parameter.Type = Parameter.Type.from_parameter_value(default)
+    return kind
 
 
 def read_parameters(node: Node, config_type: type[Config]) -> Config:
@@ -316,16 +319,16 @@ def run(
         if executor is not None:
             # Left to the garbage collector, it may find its own parts gone and complain.
             executor.shutdown(timeout_sec=0)
-        rclpy.try_shutdown()
+        try_shutdown()
     return code
 
 
 def _is_shut_down() -> bool:
     """Whether a signal has shut rclpy down; it does so on a thread of its own, which may need a moment."""
     deadline_s = time.monotonic() + SHUTDOWN_S
-    while rclpy.ok() and time.monotonic() < deadline_s:
+    while ok() and time.monotonic() < deadline_s:
         time.sleep(0.01)
-    return not rclpy.ok()
+    return not ok()
 
 
 def _answer_help(name: str, arguments: list[str], description: str) -> None:

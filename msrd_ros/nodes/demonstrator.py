@@ -132,6 +132,7 @@ class Demonstrator(StackNode):
         self._bar.close()
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """What is shown, and how far it is."""
         kept, wanted = self._session.progress
         trial = self._trial
         values: dict[str, object] = {"kept": kept, "wanted": wanted}

@@ -80,6 +80,7 @@ class Evaluator(StackNode):
         self._progress.close()
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """How many balls are fed and returned."""
         returned = sum(outcome.returned for outcomes in self._outcomes.values() for outcome in outcomes)
         return "playing", {"balls": self._index, "of": len(self._balls), "returned": returned}
 

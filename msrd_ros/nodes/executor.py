@@ -109,6 +109,7 @@ class Executor(StackNode):
         self.get_logger().info(f"ready: {self.config.mode}, {found}")
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """The phase of the stroke, and what is played."""
         phase = self._player.phase.value if self._player else "no joint_states yet"
         return phase, {"strategy": self._strategy or "", "policies": self._digest, **self._counts}
 

@@ -14,7 +14,8 @@ from msrd_ros.nodes.messages import WORLD
 from msrd_ros.nodes.scene_markers import transform_stamped
 from msrd_ros.robots.kinematics import link_frames, rotation_from_roll_pitch_yaw
 from msrd_ros.robots.rotations import quaternion_from_rotation
-from msrd_ros.robots.urdf import FIXED_JOINTS, JointOrigin
+from msrd_ros.robots.sawyer_description import JointOrigin
+from msrd_ros.robots.urdf import FIXED_JOINTS
 
 try:
     # Part of every ROS installation, but of no wheel: without it there is no RViz to look at TF either.

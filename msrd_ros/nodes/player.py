@@ -120,6 +120,7 @@ class Player(StackNode):
         steady_timer(self, TICK_S, self._tick)
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """How far playing is."""
         return str(self._state), {
             "bags": len(self._bags),
             "played": self._played_bags,

@@ -117,6 +117,7 @@ class Recorder(StackNode):
             self._report(self._results.get(), publish=False)
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """Whether it records, and what it kept and refused."""
         return "recording" if self._recording else "stopped", {
             "subject": self._subject,
             "kept": self._kept,

@@ -116,6 +116,7 @@ class Simulator(StackNode):
         self._world.close()
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """Whether it teaches or plays, and what it counted."""
         world, limits = self._world, self._world.rally.limits
         return "teaching" if world.teaching else "playing", {
             "balls": world.balls,

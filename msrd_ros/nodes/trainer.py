@@ -169,6 +169,7 @@ class Trainer(StackNode):
             self._players.close()
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
+        """How far gathering or training is."""
         if self._training is None:
             return "gathering demonstrations", {str(k): n for k, n in self._counts().items()}
         return "training", {"iteration": self._training.trainer.iterations_done, "of": self.config.iterations}

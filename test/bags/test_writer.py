@@ -79,7 +79,7 @@ def test_passes_the_doctor_and_other_readers_read_the_same(tmp_path: Path) -> No
     written = at_root(messages())
     with Reader(path) as reader:
         read = [(connection.topic, time, bytes(data)) for connection, time, data in reader.messages()]
-        assert reader.storage.metadata.custom["label"] == "forehand-push"
+        assert (reader.storage.metadata.custom or {})["label"] == "forehand-push"
     assert read == [(message.topic, message.log_time_ns, message.data) for message in written]
     with file.open("rb") as stream:
         decoded = list(make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages())

@@ -221,7 +221,9 @@ def test_feeds_outcomes_commands_and_gestures_read_back_exactly() -> None:
     np.testing.assert_array_equal(command.position, reference.position)
     np.testing.assert_array_equal(command.velocity, reference.velocity)
     assert (command.label, command.period_s) == (LABEL, 0.02)
-    gesture = HandGesture(np.arange(3) * 0.25, *(rng.normal(size=(3, width)) for width in (3, 4, 3, 3)))
+    gesture = HandGesture(
+        np.array([0.0, 0.25, 0.5]), *(rng.normal(size=(3, width)) for width in (3, 4, 3, 3))
+    )
     again = gesture_from_message(gesture_to_message(gesture, Time()))
     assert again is not None
     for name in ("times_s", "positions", "quaternions", "velocities", "angular_velocities"):

@@ -28,6 +28,9 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
+# Where a record stands, the record, and its length in bytes.
+Entry = tuple[int, McapRecord, int]
+
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 
@@ -72,14 +75,14 @@ def _head(reader: StreamReader) -> tuple[int, int]:
     return reader._stream.read1(), reader._stream.read8()
 
 
-def _check_chunks(body: list, summary: list) -> list[str]:
+def _check_chunks(body: list[Entry], summary: list[Entry]) -> list[str]:
     problems: list[str] = []
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     indexes = {
         record.chunk_start_offset: record for _, record, _ in summary if isinstance(record, ChunkIndex)
     }
-    chunks = [entry for entry in body if isinstance(entry[1], Chunk)]
+    chunks = [(place, record, size) for place, record, size in body if isinstance(record, Chunk)]
     if len(indexes) != len(chunks):
         problems.append(f"{len(chunks)} chunks, {len(indexes)} chunk indexes")
     counts: Counter[int] = Counter()
@@ -164,7 +167,7 @@ def _check_chunk_index(
 
 
 def _check_message_indexes(
-    body: list, offset: int, length: int, messages: list[Message], places: dict[int, Message]
+    body: list[Entry], offset: int, length: int, messages: list[Message], places: dict[int, Message]
 ) -> list[str]:
     indexed = 0
     for place, record, _ in body:
@@ -179,7 +182,7 @@ def _check_message_indexes(
     return [] if indexed == len(messages) else [f"{indexed} of {len(messages)} messages indexed"]
 
 
-def _check_summary(data: bytes, footer: Footer, summary: list, records: list) -> list[str]:
+def _check_summary(data: bytes, footer: Footer, summary: list[Entry], records: list[Entry]) -> list[str]:
     problems: list[str] = []
     if zlib.crc32(data[footer.summary_start : -FOOTER_LENGTH + 9 + 16]) != footer.summary_crc:
         problems.append("summary crc")

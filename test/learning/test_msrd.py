@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -118,7 +119,7 @@ def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_example
     ],
     ids=lambda changes: "+".join(changes),
 )
-def test_options_of_the_discriminator(changes: dict) -> None:
+def test_options_of_the_discriminator(changes: dict[str, Any]) -> None:
     plain = run(BASE)
     other = run(replace(BASE, discriminator=replace(BASE.discriminator, **changes)))
     assert not torch.equal(plain.rewards.task_network.flat(), other.rewards.task_network.flat())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def states(count: int = 40, strategies: int = 3) -> torch.Tensor:
     return torch.randn(strategies, count, 3, generator=torch.Generator().manual_seed(9))
 
 
-def reference(policies: GaussianPolicies) -> Independent:
+def reference(policies: GaussianPolicies) -> Independent[Normal]:
     mean, log_std = policies.distribution(states())
     return Independent(Normal(mean, log_std.exp().expand_as(mean)), 1)
 
@@ -68,7 +69,7 @@ def test_log_std_is_projected_into_its_bounds() -> None:
     assert policies.log_std[..., 1].eq(-3.0).all()
 
 
-def hessian_product(policies: GaussianPolicies | CategoricalPolicies, vector: torch.Tensor) -> torch.Tensor:
+def hessian_product(policies: Any, vector: torch.Tensor) -> torch.Tensor:
     """F v as the second derivative of KL(fixed || policies): independent of the Jacobian products."""
     old = policies.distribution(states())
     fixed = type(old)(*(part.detach() for part in old))

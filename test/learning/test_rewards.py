@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 
@@ -21,7 +23,7 @@ from msrd_ros.learning.trajectories import Transitions
 
 
 def model(form: RewardForm, **options: object) -> RewardModel:
-    arguments: dict = {"alpha": (0.5, 1.0, 2.0), "action_width": 0, "hidden": (5, 5), **options}
+    arguments: dict[str, Any] = {"alpha": (0.5, 1.0, 2.0), "action_width": 0, "hidden": (5, 5), **options}
     return RewardModel(
         form,
         3,

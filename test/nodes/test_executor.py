@@ -105,7 +105,8 @@ class Robot:
 
 def flying(step: int) -> np.ndarray:
     """The ball, `step` ticks after its launch."""
-    return RESTING + np.array([-0.1 * step, 0.002 * step, 0.01 * step])
+    position: np.ndarray = RESTING + np.array([-0.1 * step, 0.002 * step, 0.01 * step])
+    return position
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,10 @@ LABELS = (ALL_LABELS[0], ALL_LABELS[5])
 FEEDS = [Feeder().sample(label.side, STANDARD, np.random.default_rng(1)) for label in LABELS]
 
 
+def wait_for_strategy(stack: Stack, label: str) -> None:
+    stack.wait_until(lambda: stack.diagnostics.get("executor", {}).get("strategy") == label, "strategy")
+
+
 def play(stack: Stack, side: TableSide, checkpoint: Path) -> list[tuple[list[SeenTick], dict[str, str]]]:
     """Two balls through a fresh simulator and a fresh executor."""
     simulator = stack.start_simulator(seed=4)
@@ -28,10 +32,7 @@ def play(stack: Stack, side: TableSide, checkpoint: Path) -> list[tuple[list[See
     for label, feed in zip(LABELS, FEEDS, strict=True):
         stack.wait_until(side.strategy.get_subscription_count, "executor", process=executor)
         side.ask(label)
-        stack.wait_until(
-            lambda label=label: stack.diagnostics.get("executor", {}).get("strategy") == str(label),
-            "strategy",
-        )
+        wait_for_strategy(stack, str(label))
         stack.wait_until(side.feed.get_subscription_count, "simulator", process=simulator)
         side.clear()
         side.throw(feed)

@@ -17,6 +17,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.utilities import try_shutdown
 from std_srvs.srv import Trigger
 
 from mcap_doctor import examine
@@ -351,7 +352,7 @@ def test_what_is_decided_when_the_node_closes_is_kept(tmp_path: Path) -> None:
         recorder.destroy_node()
         source.node.destroy_node()
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()
     assert len(BagLibrary.scan(tmp_path).bags) == 1
 
 

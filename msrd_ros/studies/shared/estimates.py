@@ -66,7 +66,8 @@ def from_rewards(
         packed = torch.zeros(*states.shape[:-1], 2 * width + actions + 2)
         packed[..., width + actions : 2 * width + actions] = states
         rows = packed if packed.dim() == 3 else packed.expand(rewards.strategies, -1, -1)
-        return rewards(Transitions(rows, width, actions))
+        values: RewardValues = rewards(Transitions(rows, width, actions))
+        return values
 
     def mean_reward(states: Tensor) -> Tensor:
         flat = states.reshape(-1, states.shape[-1])
@@ -97,13 +98,14 @@ def by_row(table: Rewards) -> Rewards:
         if states.dim() == 2:
             return table(states)
         everything = table(states.flatten(0, 1)).unflatten(1, states.shape[:2])
-        return everything.diagonal(dim1=0, dim2=1).T
+        own: Tensor = everything.diagonal(dim1=0, dim2=1).T
+        return own
 
     return rewards
 
 
 def from_classifier(classifier: StrategyClassifier, seconds: float) -> Estimate:
-    """log q(i|s) as the strategy reward."""
+    """Log q(i|s) as the strategy reward."""
     weights = dict(classifier.network.state_dict())
     return Estimate(None, by_row(classifier.log_posterior), None, weights, seconds, 0)
 

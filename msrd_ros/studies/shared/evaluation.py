@@ -93,7 +93,8 @@ def make_test_set(
 
 def mean_over(rewards: Rewards, trajectories: NDArray[np.floating]) -> NDArray[np.float64]:
     """Mean reward per step of ``trajectories [..., T+1, O]`` under ``[N, O] -> [N]``, ``[...]``."""
-    return table_over(lambda states: rewards(states).unsqueeze(0), trajectories)[0]
+    means: NDArray[np.float64] = table_over(lambda states: rewards(states).unsqueeze(0), trajectories)[0]
+    return means
 
 
 def table_over(rewards: Rewards, trajectories: NDArray[np.floating], stride: int = 1) -> NDArray[np.float64]:

@@ -27,7 +27,8 @@ class FrozenReward:
     def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
         """Row i judged by strategy i, ``[S, K, T]``."""
         states = torch.as_tensor(rollouts.observations[:, :, 1:])
-        return self._rewards(states.flatten(1, 2)).unflatten(1, states.shape[1:3])
+        rewards: Tensor = self._rewards(states.flatten(1, 2)).unflatten(1, states.shape[1:3])
+        return rewards
 
 
 def pessimistic(rewards: Sequence[Rewards]) -> Rewards:

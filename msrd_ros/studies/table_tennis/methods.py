@@ -165,7 +165,8 @@ def make_training(method: Method, data: StudyData, budget: Budget, seed: int) ->
         **(RANDOMISED if method is Method.MSRD_RANDOMISED else {}),
     )
     training = StrokeTraining(data.training, data.landing_points, settings)
-    config = _CHANGES.get(method, lambda config: config)(training.trainer.config)
+    change = _CHANGES.get(method)
+    config = change(training.trainer.config) if change else training.trainer.config
     steps = config.cloning.steps if method in CORRECTIVE_START else budget.plain_cloning_steps
     if budget.cloning_steps is not None:
         steps = budget.cloning_steps

@@ -73,7 +73,8 @@ class ReplayedMotions:
         def follow(observation: NDArray[np.float64]) -> NDArray[np.float64]:
             step = next(steps)
             astray = observation[:JOINT_COUNT] - episode.joint_position[step]
-            return episode.actions[step] - REPLAY_GAIN * astray
+            action: NDArray[np.float64] = episode.actions[step] - REPLAY_GAIN * astray
+            return action
 
         return follow, episode.joint_position[0]
 

@@ -1,4 +1,4 @@
-"""Keeps the arm off table and floor: may the joints move like this, and still stop before they touch?
+"""Keeps the arm off table and floor: whether joints may move like this, and still stop before they touch.
 
 The arm is a handful of spheres on its links. From a state of the joints follows the path on which all of
 them brake as hard as they may; the state is safe if the spheres stay clear of the obstacles along it.

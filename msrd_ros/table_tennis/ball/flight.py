@@ -103,8 +103,9 @@ def mechanical_energy(ball: NDArray[np.float64], scene: NDArray[np.void]) -> flo
     constants = scene[0]
     speed_squared = ball[3] ** 2 + ball[4] ** 2 + ball[5] ** 2
     spin_squared = ball[6] ** 2 + ball[7] ** 2 + ball[8] ** 2
-    return (
+    energy: float = (
         0.5 * constants.ball_mass * speed_squared
         + 0.5 * constants.ball_inertia * spin_squared
         + constants.ball_mass * constants.gravity * ball[2]
     )
+    return energy

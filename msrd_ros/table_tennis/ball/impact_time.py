@@ -158,12 +158,15 @@ def may_hit_fixed(
     """Whether a ball comes near a surface at all: a cheap test that spares most steps the search."""
     # Between the ends the path bulges by no more than A / 8 duration^2.
     skin = scene.ball_radius + 0.125 * _FIXED_ACCELERATION * duration * duration
+    near: bool
     if surface == TABLE:
-        return min(ball[2], ball_end[2]) < scene.table_top + skin
-    if surface == NET:
+        near = min(ball[2], ball_end[2]) < scene.table_top + skin
+    elif surface == NET:
         reach = scene.net_half_thickness + skin
-        return min(ball[0], ball_end[0]) < reach and max(ball[0], ball_end[0]) > -reach
-    return min(ball[2], ball_end[2]) < skin
+        near = min(ball[0], ball_end[0]) < reach and max(ball[0], ball_end[0]) > -reach
+    else:
+        near = min(ball[2], ball_end[2]) < skin
+    return near
 
 
 @njit(cache=True)

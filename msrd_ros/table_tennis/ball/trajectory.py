@@ -24,7 +24,8 @@ _LONGEST_FLIGHT_S = 2.5
 
 @njit(cache=True, nogil=True)
 def _over_table(ball: Array, scene: SceneConstants) -> bool:
-    return abs(ball[0]) < scene.table_half_length and abs(ball[1]) < scene.table_half_width
+    over: bool = abs(ball[0]) < scene.table_half_length and abs(ball[1]) < scene.table_half_width
+    return over
 
 
 @njit(cache=True, nogil=True)
@@ -92,7 +93,8 @@ def path_at(path: Array, period: float, time: float) -> Array:
     place = min(max(time / period, 0.0), path.shape[0] - 1.001)
     index = int(place)
     share = place - index
-    return path[index] * (1.0 - share) + path[index + 1] * share
+    state: Array = path[index] * (1.0 - share) + path[index + 1] * share
+    return state
 
 
 class ReturnFlight(NamedTuple):

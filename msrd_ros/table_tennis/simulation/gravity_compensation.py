@@ -39,8 +39,10 @@ class Grip(NamedTuple):
 
 
 class Floating(NamedTuple):
-    """How the arm gives way: damping of each joint (7,) in Nm s, and the shares of the speed limits where the
-    brakes begin and are fully on.
+    """How the arm gives way.
+
+    Damping of each joint (7,) in Nm s, and the shares of the speed limits where brakes begin
+    and are fully on.
     """
 
     damping: Array

@@ -130,7 +130,10 @@ class FilmStudio:
         self._paint_trail(canvas, path)
         size = self.style.supersampling
         shape = (self.style.height, size, self.style.width, size, 3)
-        return canvas.pixels.reshape(shape).mean(axis=(1, 3)).round().clip(0, 255).astype(np.uint8)
+        pixels: NDArray[np.uint8] = (
+            canvas.pixels.reshape(shape).mean(axis=(1, 3)).round().clip(0, 255).astype(np.uint8)
+        )
+        return pixels
 
     def _photograph(self) -> _Canvas:
         style = self.style

@@ -219,7 +219,9 @@ class StrokeTraining:
         exported = export_policies(self.trainer.policies, self.trainer.layout, details)
         return StrokePolicies(exported, self._facts, exploration_seed)
 
-    def evaluate(self, balls: int, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
+    def evaluate(
+        self, balls: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Shares of struck and of returned balls, (S,) each, of the mean policies in the batched simulator.
 
         For the progress report only: rates that count are played in Bullet.
@@ -273,4 +275,5 @@ class StrokeTraining:
             if rows:
                 matrix[:, column] = self.rewards_of(np.stack(rows), 0)[1][first].mean(axis=1)
         low, high = matrix.min(axis=1, keepdims=True), matrix.max(axis=1, keepdims=True)
-        return (matrix - low) / np.maximum(high - low, 1e-12)
+        scaled: NDArray[np.float64] = (matrix - low) / np.maximum(high - low, 1e-12)
+        return scaled

@@ -184,7 +184,8 @@ def _unled_torque(joints: Array, rates: Array, accelerations: Array) -> float:
     torque = np.empty(7)
     inverse_dynamics_into(joints, rates, accelerations, 0.0, torque)
     length = np.sqrt(np.sum(spare * spare)) + 1e-12
-    return np.sum(spare * (torque + _TEACH_DAMPING * rates)) / length
+    effort: float = np.sum(spare * (torque + _TEACH_DAMPING * rates)) / length
+    return effort
 
 
 @njit(cache=True, nogil=True)
@@ -200,7 +201,8 @@ def _posture_excess(joints: Array) -> Array:
     """Beyond the postures that look like a table tennis player."""
     upper = np.array([1.25, 0.85, 2.75, 2.75, 2.8, 2.8, 4.0])
     lower = np.array([-1.25, -1.85, -2.75, -2.75, -2.8, -2.8, -4.0])
-    return (np.maximum(joints - upper, 0.0) + np.minimum(joints - lower, 0.0)) / _POSTURE_EXCESS_RAD
+    excess: Array = np.maximum(joints - upper, 0.0) + np.minimum(joints - lower, 0.0)
+    return excess / _POSTURE_EXCESS_RAD
 
 
 class SideProblem:

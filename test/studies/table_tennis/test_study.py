@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +16,8 @@ from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.rewards import RewardForm
-from msrd_ros.nodes import evaluator
 from msrd_ros.studies.table_tennis.methods import MAIN_METHODS, Budget, Method, make_training
 from msrd_ros.studies.table_tennis.playing import (
-    EVALUATION_STREAM,
     Conditions,
     ReplayedMotions,
     Table,
@@ -31,7 +30,7 @@ from msrd_ros.studies.table_tennis.robustness import robustness_conditions
 from msrd_ros.studies.table_tennis.statistics import diagonal_wins, friedman
 from msrd_ros.studies.table_tennis.study import file_name
 from msrd_ros.studies.table_tennis.undone import undo_return, untouched_path
-from msrd_ros.table_tennis.ball.feeder import STANDARD, WIDE, Feeder
+from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, WIDE, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from quick_studies import play
@@ -46,8 +45,9 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
 
 
 @pytest.fixture(scope="module")
-def metrics(quick: tuple[Path, float]) -> dict:
-    return json.loads((quick[0] / "metrics.json").read_text())
+def metrics(quick: tuple[Path, float]) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((quick[0] / "metrics.json").read_text())
+    return content
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_quick_study_takes_less_than_a_minute_of_computing(quick: tuple[Path, fl
     assert quick[1] < 60.0
 
 
-def test_metrics_hold_every_method_label_and_seed(metrics: dict) -> None:
+def test_metrics_hold_every_method_label_and_seed(metrics: dict[str, Any]) -> None:
     assert metrics["study"] == "table_tennis"
     assert metrics["seeds"] == [0]
     assert set(metrics["methods"]) == {method.value for method in MAIN_METHODS}
@@ -93,19 +93,19 @@ def test_metrics_hold_every_method_label_and_seed(metrics: dict) -> None:
     assert metrics["methods"]["frozen_reward"]["labels"]["forehand-push"]["returned_at_start"] == start
 
 
-def test_no_subject_is_on_both_sides(metrics: dict) -> None:
+def test_no_subject_is_on_both_sides(metrics: dict[str, Any]) -> None:
     subjects = metrics["subjects"]
     assert subjects["held_out"] == ["subject_03"]
     assert not set(subjects["training"]) & set(subjects["held_out"])
 
 
-def test_robustness_table_has_its_rows(metrics: dict) -> None:
+def test_robustness_table_has_its_rows(metrics: dict[str, Any]) -> None:
     assert set(metrics["robustness"]) <= set(robustness_conditions())
     for row in metrics["robustness"].values():
         assert row["labels"]["backhand-slice"]["fed"] == [1]
 
 
-def test_quick_study_is_meaningful(metrics: dict) -> None:
+def test_quick_study_is_meaningful(metrics: dict[str, Any]) -> None:
     def returned(method: str) -> int:
         return sum(row["returned"][0] for row in metrics["methods"][method]["labels"].values())
 
@@ -123,7 +123,7 @@ def test_report_is_self_contained(quick: tuple[Path, float]) -> None:
 
 
 def test_what_was_played_over_topics_stands_in_the_report(
-    quick: tuple[Path, float], metrics: dict, tmp_path: Path
+    quick: tuple[Path, float], metrics: dict[str, Any], tmp_path: Path
 ) -> None:
     points = [
         {"seconds": 10.0 * n, "policies": n + 1, "fed": 24, "struck": 24, "returned": 12 + 4 * n}
@@ -144,7 +144,7 @@ def test_what_was_played_over_topics_stands_in_the_report(
 
 
 def test_second_run_takes_up_the_first_and_gives_the_same_numbers(
-    quick: tuple[Path, float], metrics: dict
+    quick: tuple[Path, float], metrics: dict[str, Any]
 ) -> None:
     assert play("table_tennis", quick[0]) < 0.7 * quick[1]
     again = json.loads((quick[0] / "metrics.json").read_text())
@@ -228,7 +228,6 @@ def test_untouched_path_is_the_true_one() -> None:
 
 
 def test_evaluation_balls_are_the_evaluators_and_the_same_for_everyone() -> None:
-    assert EVALUATION_STREAM == evaluator.EVALUATION_STREAM
     balls = evaluation_balls(ALL_LABELS, 2, 7, STANDARD)
     again = evaluation_balls(ALL_LABELS, 2, 7, STANDARD)
     assert [ball.label for ball in balls[::2]] == list(ALL_LABELS)

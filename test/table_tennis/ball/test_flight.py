@@ -44,7 +44,8 @@ def reference_flight(state: np.ndarray, duration: float) -> np.ndarray:
         magnus = air.magnus_coefficient * np.cross(spin, velocity)
         return np.concatenate([velocity, drag + magnus - np.array([0.0, 0.0, SCENE.gravity_m_s2])])
 
-    return solve_ivp(rates, (0.0, duration), state[:6], rtol=1e-12, atol=1e-13).y[:, -1]
+    end: np.ndarray = solve_ivp(rates, (0.0, duration), state[:6], rtol=1e-12, atol=1e-13).y[:, -1]
+    return end
 
 
 def launch(speed: float, elevation_deg: float, topspin: float, sidespin: float) -> np.ndarray:

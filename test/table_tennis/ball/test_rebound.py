@@ -32,6 +32,11 @@ def random_unit(rng: np.random.Generator) -> np.ndarray:
     return vector / np.linalg.norm(vector)
 
 
+def xyz(vector: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = vector
+    return x, y, z
+
+
 def split(ball: np.ndarray, normal: np.ndarray, surface: np.ndarray) -> tuple[float, np.ndarray]:
     """Normal speed of the ball relative to a surface, and slip of its contact point."""
     velocity = ball[3:6] - surface
@@ -86,7 +91,7 @@ def test_rubber_rebound_loses_speed_and_reverses_slip_as_measured() -> None:
         if speed >= 0:
             continue
         before = ball.copy()
-        rebound_rubber(ball, *normal, *surface, CONSTANTS[0])
+        rebound_rubber(ball, *xyz(normal), *xyz(surface), CONSTANTS[0])
         after_speed, after_slip = split(ball, normal, surface)
         restitution = 0.917 - 0.0217 * abs(speed)
         assert after_speed == pytest.approx(-restitution * speed)
@@ -111,7 +116,7 @@ def test_a_resting_paddle_never_adds_energy() -> None:
         normal = random_unit(rng)
         ball = ball_state((0, 0, 1), rng.normal(0, 5, 3), rng.normal(0, 150, 3))
         before = mechanical_energy(ball, CONSTANTS)
-        rebound_rubber(ball, *normal, 0.0, 0.0, 0.0, CONSTANTS[0])
+        rebound_rubber(ball, *xyz(normal), 0.0, 0.0, 0.0, CONSTANTS[0])
         assert mechanical_energy(ball, CONSTANTS) <= before + 1e-12
 
 
@@ -132,7 +137,7 @@ def test_a_moving_paddle_hits_with_its_velocity_at_the_contact(period: float) ->
             rng.normal(0, 60, 3),
         )
         expected = ball.copy()
-        rebound_rubber(expected, *normal, *surface, CONSTANTS[0])
+        rebound_rubber(expected, *xyz(normal), *xyz(surface), CONSTANTS[0])
         half = period / 2
         before = turned_paddle(centre, normal, velocity, turn, -half)
         after = turned_paddle(centre, normal, velocity, turn, half)
@@ -175,7 +180,7 @@ def test_gaps_are_distances() -> None:
     )
     for _ in range(40):
         point = rng.uniform(-0.15, 0.15, 3)
-        gap, *gradient = blade_gap(*point, 0.0, 0.0, 1.0, BLADE_RADIUS, HALF_THICKNESS)
+        gap, *gradient = blade_gap(*xyz(point), 0.0, 0.0, 1.0, BLADE_RADIUS, HALF_THICKNESS)
         if gap <= 0:
             continue
         heights = np.clip(point[2], -HALF_THICKNESS, HALF_THICKNESS)
@@ -184,7 +189,7 @@ def test_gaps_are_distances() -> None:
         assert np.linalg.norm(gradient) == pytest.approx(1.0)
     for _ in range(200):
         point = rng.uniform(-2, 2, 3)
-        gap, *gradient = box_gap(*point, 1.0, 0.5, -0.2, 0.3)
+        gap, *gradient = box_gap(*xyz(point), 1.0, 0.5, -0.2, 0.3)
         nearest = np.clip(point, [-1.0, -0.5, -0.2], [1.0, 0.5, 0.3])
         if gap > 0:
             assert gap == pytest.approx(np.linalg.norm(point - nearest))
@@ -194,7 +199,7 @@ def test_gaps_are_distances() -> None:
 
 
 def blade_clearance(ball: np.ndarray, paddle: np.ndarray) -> float:
-    return blade_gap(*(ball[:3] - paddle[:3]), *paddle[3:6], BLADE_RADIUS, HALF_THICKNESS)[0] - RADIUS
+    return blade_gap(*xyz(ball[:3] - paddle[:3]), *xyz(paddle[3:6]), BLADE_RADIUS, HALF_THICKNESS)[0] - RADIUS
 
 
 @pytest.mark.parametrize("period", [0.001, 0.005])
@@ -240,14 +245,14 @@ def test_no_ball_tunnels_through_table_or_net(period: float) -> None:
         velocity = random_unit(rng) * rng.uniform(1.0, 12.0)
         velocity[2] = -abs(velocity[2])
         ball = ball_state(target - velocity * 0.06, velocity, rng.normal(0, 100, 3))
-        if min(fixed_gap(surface, *ball[:3], CONSTANTS[0])[0] for surface in (TABLE, NET)) < 0:
+        if min(fixed_gap(surface, *xyz(ball[:3]), CONSTANTS[0])[0] for surface in (TABLE, NET)) < 0:
             continue
         referee = new_referees(1)
         touched = 0
         for index in range(round(0.12 / period)):
             touched |= step_ball(ball, referee, NO_PADDLE, NO_PADDLE, index * period, period, CONSTANTS)
             for surface in (TABLE, NET):
-                assert fixed_gap(surface, *ball[:3], CONSTANTS[0])[0] > -2e-5
+                assert fixed_gap(surface, *xyz(ball[:3]), CONSTANTS[0])[0] > -2e-5
         touches += bool(touched & (TABLE | TABLE_SIDE | NET))
     assert touches > 850
 

@@ -86,7 +86,7 @@ def comparison() -> Comparison:
     strokes = [planned_strokes()[label] for label in ALL_LABELS]
     feeds = np.stack([Feeder().sample_states(label.side, STANDARD, EPISODES, rng) for label in ALL_LABELS])
     ready = np.stack([np.tile(stroke.start.position, (EPISODES, 1)) for stroke in strokes])
-    ends = (FIRST_ACTING_STEP + 1 + np.arange(ACTING_STEPS)) * CONTROL_PERIOD_S
+    ends = (FIRST_ACTING_STEP + 1.0 + np.arange(float(ACTING_STEPS))) * CONTROL_PERIOD_S
     planned = np.stack([stroke.sample(ends).velocity / SPEED_LIMIT_RAD_S for stroke in strokes])
     errors = CLUMSINESS * rng.standard_normal((len(strokes), EPISODES, 1, 7))
     actions = planned[:, None] + errors * (np.arange(ACTING_STEPS) >= CLUMSY_FROM_STEP)[:, None]

@@ -177,10 +177,10 @@ def test_an_arm_that_strays_is_led_on_from_where_it_is() -> None:
     player.prepare(lambda _: np.full(7, 0.5), HOME_POSTURE_RAD)
     for step in range(15):
         player.tick(player.reference.position, *at_ball(step))
-    assert player.phase is Phase.STROKE
+    before = player.phase
     held_up = player.reference.position - np.array([0.0, 0.0, 0.11, 0.0, 0.0, 0.0, 0.0])
     reference = player.tick(held_up, *at_ball(15))
-    assert player.phase is Phase.RESTING
+    assert (before, player.phase) == (Phase.STROKE, Phase.RESTING)
     np.testing.assert_array_equal(reference.position, held_up)
     np.testing.assert_array_equal(reference.velocity, 0.0)
     # The stroke counts, and the next one comes after its time.

@@ -55,7 +55,7 @@ def _play_open_loop(spread: FeedSpread, rallies: int) -> RallyResults:
     config = KinematicRalliesConfig(variation=RallyVariation(spread, 0.0, 0.0), threads=1)
     batched = KinematicRallies(plans, config)
     batched.reset(len(plans), rallies, np.random.default_rng(5))
-    ends = (FIRST_ACTING_STEP + 1 + np.arange(ACTING_STEPS)) * CONTROL_PERIOD_S
+    ends = (FIRST_ACTING_STEP + 1.0 + np.arange(float(ACTING_STEPS))) * CONTROL_PERIOD_S
     actions = np.stack([stroke.sample(ends).velocity / SPEED_LIMIT_RAD_S for stroke in strokes])
     rest = np.zeros((len(plans), rallies, 7))
     for step in range(batched.horizon):

@@ -76,7 +76,7 @@ def test_estimator_waits_for_the_flight_and_ignores_repeated_samples() -> None:
     still = np.array([1.5, 0.0, 1.06])
     for tick in range(10):
         assert not estimator.see(tick * 0.004, still)
-    assert estimator.first_seen_s is None
+    assert (estimator.first_seen_s, estimator.samples) == (None, 0)
     assert estimator.path() is None
     flying = still - np.array([0.02, 0.0, 0.0])
     assert estimator.see(0.04, flying)
@@ -198,7 +198,8 @@ def test_an_inattentive_teacher_plays_as_always(rally: Rally) -> None:
     ways = []
     for speed in (0.98, 1.02):
         nominal = Feeder().nominal(Side.FOREHAND)
-        feed = replace(nominal, velocity=tuple(speed * value for value in nominal.velocity))
+        vx, vy, vz = nominal.velocity
+        feed = replace(nominal, velocity=(speed * vx, speed * vy, speed * vz))
         stroke = Teacher(0, 0, NO_SLIPS).begin(ALL_LABELS[0], np.random.default_rng(2))
         stroke.flaws = replace(stroke.flaws, slip=Slip.INATTENTIVE)
         ways.append(_show(rally, stroke, feed, 0)[:250, :7])
