@@ -19,7 +19,7 @@ from safetensors.torch import save as save_tensors
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.layout import Layout
-from msrd_ros.learning.msrd import MSRD
+from msrd_ros.learning.method import Learner
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.policy import PREFIX, PolicySet, make_header, read_header
 
@@ -55,7 +55,7 @@ def export_policies(
     return PolicySet(layout, tensors, details or {})
 
 
-def save_checkpoint(path: Path, trainer: MSRD, metrics: dict[str, float] | None = None) -> None:
+def save_checkpoint(path: Path, trainer: Learner, metrics: dict[str, float] | None = None) -> None:
     """Write `trainer` to `path`, whole or not at all.
 
     Raises
@@ -80,7 +80,7 @@ def save_checkpoint(path: Path, trainer: MSRD, metrics: dict[str, float] | None 
     write_atomically(Path(path), data)
 
 
-def load_checkpoint(path: Path, trainer: MSRD) -> None:
+def load_checkpoint(path: Path, trainer: Learner) -> None:
     """Take up training where `path` left it.
 
     Parameters

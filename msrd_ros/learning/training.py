@@ -7,12 +7,12 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.action_scale import ActionScale
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.harness import Harness, Task
 from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.method import Learner, Method, Problem
 from msrd_ros.learning.methods import find_method
@@ -76,7 +76,7 @@ def train(
     )
     problem = Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset)
     learner = chosen.start(problem)
-    _run(learner, place, chosen, progress)
+    Harness(learner, _Returns(place), title=chosen.title if progress else None).run()
     details = {
         "method": chosen.name,
         "seed": seed,
@@ -91,29 +91,27 @@ def train(
     return Learned(_policies_of_all(learner, demonstrations, scale), rewards, details)
 
 
-def _run(learner: Learner, place: Place, method: Method, progress: bool) -> None:
-    """Cloning and all iterations."""
-    iterations = learner.config.iterations
-    with tqdm(total=iterations, unit="iteration", desc=method.title, disable=not progress) as bar:
-        _require_finite("cloning", learner.clone())
-        place.curve.clear()
-        for iteration in range(1, iterations + 1):
-            _require_finite(f"iteration {iteration}", learner.iterate())
-            if place.curve:
-                returns = place.curve[-1]
-                bar.set_postfix_str(
-                    "the environment's own return " + ", ".join(f"{value:.0f}" for value in returns)
-                )
-            bar.update()
+class _Returns(Task):
+    """Shows what the environment itself pays.
 
+    Parameters
+    ----------
+    place
+        Where policies are played.
+    """
 
-def _require_finite(when: str, figures: dict[str, float]) -> None:
-    for name, value in figures.items():
-        if not np.isfinite(value):
-            raise UserError(
-                f"{when}: {name} is {value}; training diverged: lower discriminator.learning_rate, "
-                "cloning.learning_rate or trust_region.kl"
-            )
+    def __init__(self, place: Place) -> None:
+        self._curve = place.curve
+
+    def at_point(self, harness: Harness) -> None:
+        """Leave out what was played while cloning."""
+        self._curve.clear()
+
+    def summary(self, harness: Harness) -> str:
+        """The latest mean returns."""
+        if not self._curve:
+            return ""
+        return "the environment's own return " + ", ".join(f"{value:.0f}" for value in self._curve[-1])
 
 
 def _policies_of_all(

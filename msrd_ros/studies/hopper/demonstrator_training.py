@@ -14,6 +14,7 @@ from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.diayn import DiaynReward
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.kl_encouraged import KLEncouragedReward
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.reinforcement import PolicyTraining, RewardSource
@@ -206,10 +207,9 @@ def _train(
     )
     snapshots: list[Tensor] = []
     done = 0
-    for iterations, episodes, steps in recipe.stages:
+    for count, episodes, steps in recipe.stages:
         training.collector, training.episodes = BatchedCollector(Hopper(steps, autoreset=autoreset)), episodes
-        for _ in range(iterations):
-            metrics = training.iterate()
+        for _, metrics in iterations(training, count):
             done += 1
             if done % 20 == 0:
                 progress(f"demonstrators: iteration {done}, reward {metrics['reward']:.2f}")

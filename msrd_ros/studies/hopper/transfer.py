@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.reinforcement import PolicyTraining
 from msrd_ros.learning.replay import DemonstrationPool
@@ -126,8 +127,8 @@ def _train(plan: TransferPlan, functions: list[Rewards]) -> GaussianPolicies:
         0.97,
         plan.seed,
     )
-    for _ in range(plan.iterations):
-        training.iterate()
+    for _ in iterations(training, plan.iterations):
+        pass
     return policies
 
 

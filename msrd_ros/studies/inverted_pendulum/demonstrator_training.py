@@ -14,6 +14,7 @@ import torch
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.diayn import DiaynReward
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.kl_encouraged import KLEncouragedReward
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining, RewardSource
@@ -114,8 +115,8 @@ def _balancing_policies(recipe: Recipe, generator: torch.Generator) -> GaussianP
         return policies
     policy = fresh_policies(1, torch.Generator().manual_seed(recipe.seed + 10))
     training = _training(policy, _in_the_middle(1, 0.4), 4 * recipe.episodes, recipe)
-    for _ in range(recipe.start_iterations):
-        training.iterate()
+    for _ in iterations(training, recipe.start_iterations):
+        pass
     return policy
 
 
