@@ -1,4 +1,4 @@
-"""The Hopper study from start to end, resumable; see `virtual_studies.runs` for the seeds.
+"""The Hopper study from start to end, resumable; see `shared.runs` for the seeds.
 
 Everything was tuned on other pairs of demonstrators, which are not evaluated, and on seeds from 9000 on.
 """
@@ -25,19 +25,20 @@ from msrd_ros.studies.hopper.evaluation import GaitTestSet, judge, make_gait_tes
 from msrd_ros.studies.hopper.task import HOPPER
 from msrd_ros.studies.hopper.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.shared.cache import cache_key, cached
-from msrd_ros.studies.shared.methods import Budget, Method
-from msrd_ros.studies.shared.runs import TEST_SEED, Runs, append_marks, silent
+from msrd_ros.studies.shared.method import Budget, silent
+from msrd_ros.studies.shared.methods import METHODS
+from msrd_ros.studies.shared.runs import TEST_SEED, Runs, append_marks
 from msrd_ros.studies.shared.statistics import paired_test
 
 RIVALS = ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier")
 OTHER_TRUTH_METHODS = (
-    Method.MSRD,
-    Method.AIRL,
-    Method.AIRL_EACH,
-    Method.AIRL_EACH_CROSS,
-    Method.CLASSIFIER,
-    Method.ORACLE,
-    Method.SUPERVISED,
+    "msrd",
+    "airl",
+    "airl_each",
+    "airl_each_cross",
+    "classifier",
+    "oracle",
+    "supervised",
 )
 TASK_MARKS = ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen")
 
@@ -126,7 +127,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
     """
-    found = _compare(plan, plan.pairs, tuple(Method), folder, progress)
+    found = _compare(plan, plan.pairs, tuple(METHODS), folder, progress)
     transfer = {}
     if plan.transfer is not None:
         for number, pair in enumerate(plan.pairs[: plan.transfer_pairs]):
@@ -147,7 +148,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
 def _compare(
     plan: StudyPlan,
     pairs: Sequence[str],
-    methods: Sequence[Method],
+    methods: Sequence[str],
     folder: Path,
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -169,7 +170,7 @@ def _compare(
 
 def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
-    msrd, airl = Method.MSRD, Method.AIRL
+    msrd, airl = "msrd", "airl"
     key = cache_key(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])
 
     def train() -> dict[str, Any]:

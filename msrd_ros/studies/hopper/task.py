@@ -22,7 +22,6 @@ from msrd_ros.studies.hopper.environment import (
     task_reward,
 )
 from msrd_ros.studies.hopper.presets import hopper
-from msrd_ros.studies.shared.methods import Method
 from msrd_ros.studies.shared.task import VirtualTask
 
 NOISE_LEVELS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
@@ -90,5 +89,5 @@ HOPPER = VirtualTask(
     NOISE_LEVELS,
     OBSERVATION_NAMES.index("torso_z"),
     make_autoreset,
-    {Method.AIRL.value: airl_preset, Method.MSRD_AS_PRINTED.value: as_printed_preset},
+    {"airl": airl_preset, "msrd_as_printed": as_printed_preset},
 )
