@@ -28,6 +28,7 @@ from msrd_ros.learning.config import (
     MSRDConfig,
     PolicyConfig,
     PolicyReward,
+    RefitConfig,
     ReplayConfig,
     RewardConfig,
     TaskUpdate,
@@ -269,7 +270,7 @@ def test_rewards_refitted_on_replay_leave_the_run_as_it_is_and_need_a_past() -> 
         cloning=CloningConfig(steps=5, snapshots=(0,)),
     )
     asked, silent = run(config, clone=True), run(config, clone=True)
-    lasting, again = asked.refit_on_replay(6), asked.refit_on_replay(6)
+    lasting, again = asked.refit_on_replay(RefitConfig(6)), asked.refit_on_replay(RefitConfig(6))
     assert torch.equal(lasting.task_network.flat(), again.task_network.flat())
     assert not torch.equal(lasting.task_network.flat(), asked.rewards.task_network.flat())
     assert not torch.equal(lasting.task_network.flat(), asked.averaged_rewards.task_network.flat())
@@ -278,7 +279,7 @@ def test_rewards_refitted_on_replay_leave_the_run_as_it_is_and_need_a_past() -> 
     assert torch.equal(asked.policies.flat(), silent.policies.flat())
     assert torch.equal(asked.rewards.task_network.flat(), silent.rewards.task_network.flat())
     with pytest.raises(ValueError, match="replay"):
-        run(BASE).refit_on_replay(6)
+        run(BASE).refit_on_replay(RefitConfig(6))
 
 
 def test_rewards_refitted_on_replay_tell_demonstrations_from_what_was_done_long_ago() -> None:
@@ -297,6 +298,6 @@ def test_rewards_refitted_on_replay_tell_demonstrations_from_what_was_done_long_
     )
     margins = [
         float((rewards(demonstrated).combined.mean() - rewards(past).combined.mean()).detach())
-        for rewards in (trainer.averaged_rewards, trainer.refit_on_replay(200))
+        for rewards in (trainer.averaged_rewards, trainer.refit_on_replay(RefitConfig(200)))
     ]
     assert margins[1] > margins[0]

@@ -27,7 +27,7 @@ from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.method import Budget, silent
 from msrd_ros.studies.shared.methods import METHODS
-from msrd_ros.studies.shared.runs import Runs
+from msrd_ros.studies.shared.runs import Runs, SharedPlan
 from msrd_ros.studies.shared.task import VirtualTask
 
 NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
@@ -69,39 +69,24 @@ PENDULUM = VirtualTask(
 
 
 @dataclass(frozen=True)
-class StudyPlan:
-    """What to run.
+class StudyPlan(SharedPlan):
+    """What to run; seeds are repetitions of the main table.
 
     Attributes
     ----------
-    seeds
-        Repetitions of the main table.
     other_truth_seeds
         Repetitions with the other demonstrators.
-    budget
-        What each method may use.
-    demonstrations
-        Trajectories of each strategy.
-    test_repeats, test_clean
-        Test trajectories per strategy and noise level, and without noise.
     transfer
         Fresh policies on frozen rewards; None leaves them out.
     kinds
         Demonstrators to study; the first gives the main table.
-    workers
-        Processes that train.
     """
 
-    seeds: int = 5
     other_truth_seeds: int = 5
     # One run in ten has a task r of .996 or less, whatever the demonstrations; the mean of three has not.
     budget: Budget = field(default_factory=lambda: Budget(iterations=80, members=3))
-    demonstrations: int = 20
-    test_repeats: int = 2
-    test_clean: int = 5
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
     kinds: tuple[Kind, ...] = (Kind.DIAYN, Kind.KNOWN_PREFERENCE, Kind.KL_ENCOURAGED)
-    workers: int = 2
 
     @classmethod
     def quick(cls) -> StudyPlan:
@@ -120,18 +105,7 @@ class StudyPlan:
 
     def runs(self, kind: Kind, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
         """The runs on one set of demonstrators, kept in `folder`."""
-        return Runs(
-            PENDULUM,
-            cached_demonstrators(kind),
-            kind.value,
-            self.budget,
-            self.demonstrations,
-            self.test_repeats,
-            self.test_clean,
-            folder,
-            progress,
-            self.workers,
-        )
+        return Runs(PENDULUM, cached_demonstrators(kind), kind.value, self, folder, progress)
 
 
 def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -35,6 +35,32 @@ TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 11_000, 12_000, 13_000
 
 
 @dataclass(frozen=True)
+class SharedPlan:
+    """What every plan of a study in simulation says.
+
+    Attributes
+    ----------
+    seeds
+        Repetitions.
+    budget
+        What each method may use.
+    demonstrations
+        Trajectories of each strategy.
+    test_repeats, test_clean
+        Test trajectories per strategy and noise level, and without noise.
+    workers
+        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
+    """
+
+    seeds: int = 5
+    budget: Budget = field(default_factory=Budget)
+    demonstrations: int = 20
+    test_repeats: int = 2
+    test_clean: int = 5
+    workers: int = 2
+
+
+@dataclass(frozen=True)
 class Runs:
     """Runs of any method and repetition on one task and one set of demonstrators.
 
@@ -44,40 +70,30 @@ class Runs:
         What is studied.
     name
         Of the demonstrators, at the head of file names.
-    budget
-        What each method may use.
-    demonstrations
-        Trajectories of each strategy.
-    test_repeats, test_clean
-        Test trajectories per strategy and noise level, and without noise.
+    plan
+        How much of everything.
     folder
         Where the files are.
     progress
         Told what is going on.
-    workers
-        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
     """
 
     task: VirtualTask
     demonstrators: Demonstrators
     name: str
-    budget: Budget
-    demonstrations: int
-    test_repeats: int
-    test_clean: int
+    plan: SharedPlan
     folder: Path
     progress: Callable[[str], None] = silent
-    workers: int = 0
 
     def prepare(self, methods: Iterable[str], repetitions: int) -> None:
         """Train what `estimate` will be asked for, several runs side by side."""
         wanted = [(method, repetition) for repetition in range(repetitions) for method in methods]
         missing = [job for job in wanted if not self.path(*job).exists()]
-        if self.workers < 2 or len(missing) < 2:
+        if self.plan.workers < 2 or len(missing) < 2:
             return
         alone = replace(self, progress=silent)
         with ProcessPoolExecutor(
-            self.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
+            self.plan.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
         ) as pool:
             try:
                 jobs = {pool.submit(alone.train, *job): job for job in missing}
@@ -108,7 +124,7 @@ class Runs:
         return Exercise(
             self.task,
             self.demonstrate(repetition),
-            self.budget,
+            self.plan.budget,
             TRAINING_SEED + repetition,
             self.progress,
             self.demonstrators.truth,
@@ -116,12 +132,14 @@ class Runs:
 
     def demonstrate(self, repetition: int) -> Demonstrations:
         """The demonstrations of a repetition, the same for every method."""
-        return self.demonstrators.demonstrate(self.demonstrations, DEMONSTRATION_SEED + repetition)
+        return self.demonstrators.demonstrate(self.plan.demonstrations, DEMONSTRATION_SEED + repetition)
 
     def test_set(self, repetition: int) -> TestSet:
         """The test trajectories of a repetition."""
         seed = TEST_SEED + repetition
-        return make_test_set(self.task, self.demonstrators, seed, self.test_repeats, self.test_clean)
+        return make_test_set(
+            self.task, self.demonstrators, seed, self.plan.test_repeats, self.plan.test_clean
+        )
 
     @property
     def demonstrators_report(self) -> dict[str, Any]:
@@ -169,7 +187,7 @@ class Runs:
         found = {}
         for method in methods:
             run = self.path(method, repetition)
-            key = cache_key(run.name, self.test_repeats, self.test_clean, *conditions)
+            key = cache_key(run.name, self.plan.test_repeats, self.plan.test_clean, *conditions)
             file = run.with_name(f"{self.name}-{method}-{repetition}-{key}.json")
             found[method] = cached(file, partial(mark, method))
         return found
@@ -177,12 +195,12 @@ class Runs:
     def path(self, method: str, repetition: int) -> Path:
         """File of a run; another one as soon as anything about the run has changed."""
         recipe = asdict(self.demonstrators.recipe)
-        key = cache_key(self.name, self.settings(method), recipe, self.demonstrations, repetition)
+        key = cache_key(self.name, self.settings(method), recipe, self.plan.demonstrations, repetition)
         return self.folder / f"{self.name}-{method}-{repetition}-{key}.safetensors"
 
     def settings(self, method: str) -> Any:
         """Everything that a method's run depends on, as data for JSON."""
-        return METHODS[method].settings(self.task, self.budget)
+        return METHODS[method].settings(self.task, self.plan.budget)
 
 
 def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[str, Mapping[str, Any]]) -> None:

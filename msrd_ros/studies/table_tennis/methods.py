@@ -12,7 +12,7 @@ from typing import Any
 
 from torch import Tensor
 
-from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.config import MSRDConfig, RefitConfig
 from msrd_ros.learning.harness import Harness, Schedule
 from msrd_ros.learning.method import Method
 from msrd_ros.learning.methods.airl import AirlEach, AirlEachCross
@@ -31,8 +31,8 @@ from msrd_ros.table_tennis.strokes.training import (
     stroke_recipe,
 )
 
-REFIT_STEPS = 600
-"""Adam steps of `MSRD.refit_on_replay` before rewards are frozen. With them, and without any price on leaving
+REFIT = RefitConfig()
+"""`MSRD.refit_on_replay` before rewards are frozen. With it, and without any price on leaving
 the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.PRIOR_WEIGHT`)."""
 
 
@@ -258,6 +258,6 @@ def learn(
     lasting = {}
     if method.name in {other.frozen_from for other in METHODS.values()}:
         assert isinstance(trainer, MSRD)
-        steps = min(REFIT_STEPS, budget.iterations * trainer.config.discriminator.steps)
-        lasting = dict(trainer.refit_on_replay(steps).state_dict())
+        steps = min(REFIT.steps, budget.iterations * trainer.config.discriminator.steps)
+        lasting = dict(trainer.refit_on_replay(replace(REFIT, steps=steps)).state_dict())
     return Learned(training.policies(), rewards, lasting, report)

@@ -31,11 +31,12 @@ from msrd_ros.studies.hopper.demonstrators import (
 )
 from msrd_ros.studies.hopper.environment import FEATURE_NAMES, TRUNK_NAMES, is_healthy, mean_speed
 from msrd_ros.studies.hopper.evaluation import judge, make_gait_test_set
-from msrd_ros.studies.hopper.study import RIVALS, TASK_MARKS, summarise
+from msrd_ros.studies.hopper.study import TASK_MARKS, summarise
 from msrd_ros.studies.hopper.task import HOPPER, preset
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.method import Budget
 from msrd_ros.studies.shared.methods import PLAYING
+from msrd_ros.studies.shared.statistics import RIVALS
 
 
 @pytest.fixture(scope="module")
