@@ -66,16 +66,15 @@ def train(
     if labels != "given":
         raise UserError(f"labels={labels!r}: only 'given' exists today; label every demonstration")
     chosen = find_method(method)
-    settings = config or default_config()
     place = find_place(environment, demonstrations)
+    settings = config or default_config(restarts=place.autoreset is not None)
     if settings.cloning.restarts and place.autoreset is None:
         raise UserError("cloning.restarts: only Gymnasium environments start again; leave it empty")
-    scale = place.scale
-    scaled = (
-        replace(demonstrations, actions=scale.to_unit(demonstrations.actions)) if scale else demonstrations
-    )
-    problem = Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset)
-    learner = chosen.start(problem)
+    scale, scaled = place.scale, demonstrations
+    if scale:
+        scaled = replace(demonstrations, actions=scale.to_unit(demonstrations.actions))
+        settings = _in_units(settings, demonstrations, scale)
+    learner = chosen.start(Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset))
     _run(learner, place, chosen, progress)
     details = {
         "method": chosen.name,
@@ -105,6 +104,16 @@ def _run(learner: Learner, place: Place, method: Method, progress: bool) -> None
                     "the environment's own return " + ", ".join(f"{value:.0f}" for value in returns)
                 )
             bar.update()
+
+
+def _in_units(config: MSRDConfig, demonstrations: Demonstrations, scale: ActionScale) -> MSRDConfig:
+    """The gains of recovery labels, which are in the environment's units, in those of the policies."""
+    half = dict(zip(demonstrations.layout.action_names, scale.half, strict=True))
+    labels = tuple(
+        (column, action, gain / float(half.get(action, 1.0)))
+        for column, action, gain in config.cloning.recovery_labels
+    )
+    return replace(config, cloning=replace(config.cloning, recovery_labels=labels))
 
 
 def _require_finite(when: str, figures: dict[str, float]) -> None:
