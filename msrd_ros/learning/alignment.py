@@ -12,6 +12,8 @@ Trajectory = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 SHIFTS = (0, 1, -1, 2, -2)
 LEAST_SAMPLES, MOST_SAMPLES = 80, 20_000
+MOST_PRODUCTS = 300
+"""Of action and state columns; with more, actions count as if they did the same in every state."""
 CLEAR = 1.5
 """How much more another shift has to explain before it is believed."""
 LEAST_EXPLAINED = 0.02
@@ -37,9 +39,10 @@ def explained_by_actions(trajectories: Sequence[Trajectory], shift: int) -> floa
     change = change - _fit(_curved(_standard(before)), change, slice(None))
     surprise = _standard(action)
     surprise = surprise - _fit(_curved(_standard(acted_at)), surprise, slice(None))
-    state = _standard(before)
-    mixed = (surprise[:, :, None] * state[:, None, :]).reshape(len(state), -1)
-    inputs = np.concatenate([surprise, np.abs(surprise), mixed], axis=1)
+    inputs = np.concatenate([surprise, np.abs(surprise)], axis=1)
+    if before.shape[1] * action.shape[1] <= MOST_PRODUCTS:
+        mixed = surprise[:, :, None] * _standard(before)[:, None, :]
+        inputs = np.concatenate([inputs, mixed.reshape(len(inputs), -1)], axis=1)
     left = change - _fit(inputs, change, slice(0, None, 2))
     total, rest = np.square(change[1::2]).sum(axis=0), np.square(left[1::2]).sum(axis=0)
     shares = 1.0 - rest / np.maximum(total, 1e-12 * len(change))

@@ -17,7 +17,6 @@ from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.method import Learner, Method, Problem
 from msrd_ros.learning.methods import find_method
 from msrd_ros.learning.places import Place, find_place
-from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.learning.recipe import default_config
 from msrd_ros.learning.trajectories import Demonstrations
@@ -66,16 +65,15 @@ def train(
     if labels != "given":
         raise UserError(f"labels={labels!r}: only 'given' exists today; label every demonstration")
     chosen = find_method(method)
-    settings = config or default_config()
     place = find_place(environment, demonstrations)
+    settings = config or default_config(restarts=place.autoreset is not None)
     if settings.cloning.restarts and place.autoreset is None:
         raise UserError("cloning.restarts: only Gymnasium environments start again; leave it empty")
-    scale = place.scale
-    scaled = (
-        replace(demonstrations, actions=scale.to_unit(demonstrations.actions)) if scale else demonstrations
-    )
-    problem = Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset)
-    learner = chosen.start(problem)
+    scale, scaled = place.scale, demonstrations
+    if scale:
+        scaled = replace(demonstrations, actions=scale.to_unit(demonstrations.actions))
+        settings = _in_units(settings, demonstrations, scale)
+    learner = chosen.start(Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset))
     Harness(learner, _Returns(place), title=chosen.title if progress else None).run()
     details = {
         "method": chosen.name,
@@ -114,12 +112,20 @@ class _Returns(Task):
         return "the environment's own return " + ", ".join(f"{value:.0f}" for value in self._curve[-1])
 
 
+def _in_units(config: MSRDConfig, demonstrations: Demonstrations, scale: ActionScale) -> MSRDConfig:
+    """The gains of recovery labels, which are in the environment's units, in those of the policies."""
+    half = dict(zip(demonstrations.layout.action_names, scale.half, strict=True))
+    labels = tuple(
+        (column, action, gain / float(half.get(action, 1.0)))
+        for column, action, gain in config.cloning.recovery_labels
+    )
+    return replace(config, cloning=replace(config.cloning, recovery_labels=labels))
+
+
 def _policies_of_all(
     learner: Learner, demonstrations: Demonstrations, scale: ActionScale | None
 ) -> PolicySet:
     """One policy for every label, in the environment's units; a method's only policy serves all."""
-    if not isinstance(learner.policies, GaussianPolicies):
-        raise UserError("only Gaussian policies can be kept; use MSRD itself for others")
     found = export_policies(learner.policies, demonstrations.layout)
     tensors = dict(found.tensors)
     stacked = [name for name in tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]

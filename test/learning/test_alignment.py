@@ -17,7 +17,7 @@ def landings() -> list[Trajectory]:
     data = example_demonstrations("lunar_lander")
     assert data.acting is not None
     return [
-        (data.observations[place][: steps + 1], data.actions[place][:steps])
+        (data.observations[place][: steps + 1].astype(float), data.actions[place][:steps].astype(float))
         for place, steps in np.ndenumerate(data.acting)
     ]
 

@@ -106,7 +106,7 @@ def test_a_minari_data_set_is_read_as_it_was_recorded(
             seen, _, ended, cut, _ = track.step(moves[-1])
             states.append(seen)
             over = ended or cut
-        expected.append((label, ended, np.array(states)))
+        expected.append((label, ended, np.array(states, dtype=np.float64)))
         last = np.arange(len(moves)) == len(moves) - 1
         episodes.append(
             minari.data_collector.EpisodeBuffer(
@@ -127,12 +127,12 @@ def test_a_minari_data_set_is_read_as_it_was_recorded(
     found = demonstrations_from_minari(dataset, observation_names=("position", "speed"))
     assert found.layout.labels == ("left", "right")
     assert found.acting is not None
-    for number, (label, ended, states) in enumerate(expected):
+    for number, (label, ended, table) in enumerate(expected):
         place = found.layout.labels.index(label), number // 2
-        steps = len(states) - 1
+        steps = len(table) - 1
         assert found.acting[place] == steps
         assert found.step_counts()[place] == (found.horizon if ended else steps)
-        assert np.allclose(found.observations[place][: steps + 1], states)
+        assert np.allclose(found.observations[place][: steps + 1], table)
     with pytest.raises(UserError, match=r"no label 'style' in its infos \(there: label\)"):
         demonstrations_from_minari(dataset, label="style")
     with pytest.raises(UserError, match="Minari data set 'track/none-v0'"):

@@ -43,8 +43,8 @@ def test_only_steps_in_which_a_policy_acted_are_improved_on() -> None:
 
 def test_nobody_acts_behind_an_end_and_nothing_lies_behind_a_cut() -> None:
     rollouts = played([2, 3], [6, 3])
-    parts = (torch.as_tensor(array) for array in (rollouts.observations, rollouts.actions))
-    found = Transitions.of(*parts, torch.as_tensor(rollouts.log_probs), rollouts.acting)
+    observations, actions = torch.as_tensor(rollouts.observations), torch.as_tensor(rollouts.actions)
+    found = Transitions.of(observations, actions, torch.as_tensor(rollouts.log_probs), rollouts.acting)
     assert found.passive[0].tolist() == [0, 0, 1, 1, 1, 1, 0, 0, 0, 1, 1, 1]
     assert found.action[0, :, 0].tolist() == [0, 1, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0]
     assert found.log_prob[0].tolist() == [-1, -1, 0, 0, 0, 0, -1, -1, -1, 0, 0, 0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
@@ -51,15 +53,14 @@ def test_every_episode_is_as_if_it_were_played_alone() -> None:
 def test_what_an_environment_truncates_is_cut_there() -> None:
     environment = GymEnvironment(Track, horizon=STEPS + 5)
     played = GymCollector(environment).collect(pushers(0.1), 3, np.random.default_rng(0))
-    assert played.acting is not None
-    assert (played.acting == STEPS).all()
-    assert (played.lengths == STEPS).all()
+    assert np.all(played.acting == STEPS)
+    assert np.all(played.lengths == STEPS)
 
 
 def test_autoreset_starts_again_where_an_episode_ended() -> None:
     environment = GymEnvironment(lambda: Track(), horizon=STEPS - 1, autoreset=True)
     played = GymCollector(environment).collect(pushers(6.0), 8, np.random.default_rng(1))
-    assert (played.acting == STEPS - 1).all()
+    assert np.all(played.acting == STEPS - 1)
     off = np.abs(played.observations[:, :, :-1, 0]) > 2.0
     assert off.any()
     assert (np.abs(played.observations[:, :, 1:, 0][off]) < 2.0).all()
@@ -96,7 +97,7 @@ def test_an_environment_by_its_id_and_by_itself() -> None:
         ({"make": "Pendulum-v1", "observation_names": NAMES}, "2 observation names for 3 columns"),
     ],
 )
-def test_what_cannot_be_played_is_refused(arguments: dict, blame: str) -> None:
+def test_what_cannot_be_played_is_refused(arguments: dict[str, Any], blame: str) -> None:
     if arguments["make"] is Track:
         arguments = {"make": lambda: Track()}
     with pytest.raises(UserError, match=blame):

@@ -17,11 +17,11 @@ PROBE = """
 import json, os, sys
 before = dict(os.environ)
 import msrd_ros.learning as msrd
-light = sorted(sys.modules)
+light, unchanged = sorted(sys.modules), dict(os.environ) == before
 for name in msrd.__all__:
     getattr(msrd, name)
 msrd.example_demonstrations("lunar_lander")
-print(json.dumps([light, sorted(sys.modules), dict(os.environ) == before]))
+print(json.dumps([light, sorted(sys.modules), unchanged]))
 """
 
 

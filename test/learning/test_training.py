@@ -76,8 +76,20 @@ def test_actions_are_learned_in_the_environments_own_units() -> None:
     assert np.exp(learned.policy("right").log_std)[0] == pytest.approx(50.0 * default_config().policy.std)
 
 
+def test_recovery_labels_have_gains_in_the_environments_units() -> None:
+    cloning = replace(short().cloning, recovery_labels=(("position", "push", 100.0),))
+    learned = quick(
+        demonstrations=track_demonstrations(strength=50.0),
+        environment=lambda: Track(50.0),
+        method="cloning",
+        config=replace(short(), cloning=cloning),
+    )
+    assert learned.details["config"]["cloning"]["recovery_labels"] == (("position", "push", 2.0),)
+
+
 def test_an_environment_of_ones_own_needs_no_gymnasium() -> None:
-    config = replace(short(), cloning=CloningConfig(steps=10))
+    config = default_config(restarts=False)
+    config = replace(config, iterations=1, cloning=replace(config.cloning, steps=10))
     learned = train(point_demonstrations(), PointMass(), config=config, progress=False)
     assert learned.details["curve"] == []
     assert len(learned.labels) == 3

@@ -27,7 +27,6 @@ from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.method import Learner, Method, Problem
 from msrd_ros.learning.methods import METHODS as ALL_METHODS
 from msrd_ros.learning.methods.airl import AirlEachCross
-from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 from msrd_ros.robots.sawyer import JOINT_NAMES
@@ -243,7 +242,6 @@ class StrokeTraining:
 
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:
         """The present policies, as the executor plays them."""
-        assert isinstance(self.trainer.policies, GaussianPolicies)
         details = {
             "method": self.method.name,
             "seed": self.config.seed,
