@@ -77,8 +77,6 @@ def train_landers(seed: int) -> GaussianPolicies:
         EPISODES,
         TrustRegionConfig(kl=0.02, damping=0.05, entropy_weight=0.003),
         ValueConfig(steps=60, sees_time=False, bootstrap=True),
-        discount=0.99,
-        gae_decay=0.97,
         seed=seed,
     )
     best, parameters = torch.full((2,), -torch.inf), policies.flat()

@@ -97,8 +97,6 @@ def _train(
         plan.stages[0].episodes,
         TrustRegionConfig(kl=0.03),
         ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
         plan.seed,
     )
     train_in_stages(training, plan.stages, body)
