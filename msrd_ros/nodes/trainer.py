@@ -20,6 +20,7 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.harness import Harness, Schedule
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.nodes.common import (
     EVENT,
@@ -43,7 +44,7 @@ from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
-from msrd_ros.table_tennis.strokes.run import RunConfig, TrainingRun
+from msrd_ros.table_tennis.strokes.run import RunTask, training_run
 from msrd_ros.table_tennis.strokes.training import (
     METHODS,
     POLICIES_FILE,
@@ -83,7 +84,7 @@ class TrainerConfig:
     )
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
-    method: str = parameter("msrd", "Learning method", choices=METHODS)
+    method: str = parameter("msrd", "Learning method", choices=tuple(METHODS))
     iterations: int = parameter(
         StrokeTrainingConfig.iterations,
         "Iterations over all strategies",
@@ -162,7 +163,7 @@ class Trainer(StackNode):
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
         self._thread: threading.Thread | None = None
-        self._run: TrainingRun | None = None
+        self._run: Harness | None = None
         self._failure: BaseException | None = None
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
@@ -256,13 +257,15 @@ class Trainer(StackNode):
             self._make_collector(),
             self._strategies,
         )
-        self._run = TrainingRun(
+        task = RunTask(
             self._training,
+            config.evaluation_balls,
             self._episodes,
-            RunConfig(self._out, config.evaluate_every, config.evaluation_balls, config.checkpoint_every),
+            self._out,
             self._publish_policies,
             self._publish_progress,
         )
+        self._run = training_run(task, Schedule(config.evaluate_every, config.checkpoint_every, self._out))
         if config.resume:
             self.get_logger().info(f"goes on from iteration {self._run.resume()} of {self._out}")
         self._thread = threading.Thread(target=self._train, args=(self._run,), name="training")
@@ -287,10 +290,10 @@ class Trainer(StackNode):
         assert self._training is not None
         return self._training.policies()
 
-    def _train(self, training_run: TrainingRun) -> None:
+    def _train(self, training: Harness) -> None:
         """Body of the thread: whatever goes wrong reaches the main thread."""
         try:
-            training_run.run()
+            training.run()
         except BaseException as error:  # handed on to the main thread, which raises it
             self._failure = error
 

@@ -1,4 +1,4 @@
-"""Learning the strokes: from episodes to rewards and policies, with MSRD or AIRL.
+"""Learning the strokes: from episodes to rewards and policies, with any method.
 
 The recipe that the trainer node and the table tennis study share.
 """
@@ -21,12 +21,14 @@ from msrd_ros.contract.episode import (
 )
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.airl import airl_per_strategy
 from msrd_ros.learning.checkpoints import export_policies
-from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.method import Learner, Method, Problem
+from msrd_ros.learning.methods import METHODS as ALL_METHODS
+from msrd_ros.learning.methods.airl import AirlEachCross
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS, side_of
 from msrd_ros.table_tennis.simulation.batched import (
     KinematicRallies,
@@ -38,14 +40,15 @@ from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
 from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
-METHODS = ("msrd", "airl")
+METHODS: dict[str, Method] = {**ALL_METHODS, "airl": AirlEachCross()}
+"""By name. One policy for all could not be told which stroke is wanted: here AIRL has a policy and a reward
+for each."""
 REWARD_GROUPS: dict[str, Callable[[Strategy], str]] = {
     "side_and_stroke": lambda strategy: str(strategy.label),
     "stroke": lambda strategy: strategy.stroke,
 }
 """Whose a strategy reward is: every label's own, or shared by both sides of a stroke."""
 POLICIES_FILE = "policies.safetensors"
-RESULT_FILE = "training.json"
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class StrokeTrainingConfig:
     Attributes
     ----------
     method
-        ``msrd``, or ``airl`` for a reward of its own per strategy.
+        A name of `METHODS`.
     iterations, episodes
         Iterations over all strategies, and rollouts per strategy in each.
     seed
@@ -71,6 +74,8 @@ class StrokeTrainingConfig:
     corrective_cloning
         Whether the policies start from cloning with injected joint offsets and labels that undo them, rather
         than from plain cloning.
+    cloning_steps
+        Adam steps of cloning; None: as many as the recipe has.
     """
 
     method: str = "msrd"
@@ -83,6 +88,7 @@ class StrokeTrainingConfig:
     camera_latency_s: float = 0.0
     threads: int = 2
     corrective_cloning: bool = False
+    cloning_steps: int | None = None
     strategy_rewards: str = "side_and_stroke"
 
 
@@ -145,6 +151,50 @@ def mean_landing_points(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDAr
     return {label: np.mean(found, axis=0) for label, found in points.items()}
 
 
+def find_stroke_method(name: str) -> Method:
+    """The method of that name.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    if name not in METHODS:
+        raise UserError(f"method {name!r} is unknown; use one of {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def stroke_recipe(
+    config: StrokeTrainingConfig,
+    labels: Sequence[StrategyLabel],
+    robot: Robot,
+    strategies: Strategies | None = None,
+) -> MSRDConfig:
+    """Settings of MSRD on strokes of these labels by an arm; other methods' follow from them."""
+    recipe = table_tennis(BALL_NAMES, robot.joint_names)
+    owned = _groups(config, labels, strategies or Strategies.shipped())
+    groups = list(dict.fromkeys(owned))
+    shared = tuple(map(groups.index, owned)) if len(groups) < len(owned) else ()
+    recipe = replace(
+        recipe,
+        iterations=config.iterations,
+        episodes=config.episodes,
+        reward=replace(recipe.reward, reward_groups=shared),
+    )
+    if config.corrective_cloning:
+        recipe = with_recovery_labels(recipe, robot.joint_names, action_names(robot))
+    if config.cloning_steps is not None:
+        recipe = replace(recipe, cloning=replace(recipe.cloning, steps=config.cloning_steps))
+    return recipe
+
+
+def _groups(
+    config: StrokeTrainingConfig, labels: Sequence[StrategyLabel], strategies: Strategies
+) -> list[str]:
+    """Whose the strategy reward of each label is."""
+    return [REWARD_GROUPS[config.strategy_rewards](strategies.of(label)) for label in labels]
+
+
 class StrokeTraining:
     """One training run on demonstrated strokes.
 
@@ -160,11 +210,13 @@ class StrokeTraining:
         Where the policies are played; None takes the batched simulator.
     strategies
         What is known of them; None takes the package's table.
+    method
+        One of one's own; None takes that of `config`.
 
     Attributes
     ----------
     trainer
-        MSRD or AIRL, at work.
+        The method at work.
     labels
         Strategies, in the order of all arrays.
     reward_groups
@@ -180,35 +232,24 @@ class StrokeTraining:
         config: StrokeTrainingConfig,
         collector: Collector | None = None,
         strategies: Strategies | None = None,
+        method: Method | None = None,
     ) -> None:
-        if config.method not in METHODS:
-            raise UserError(f"method {config.method!r} is unknown; use one of {', '.join(METHODS)}")
         self.config = config
+        self.method = method or find_stroke_method(config.method)
         self._strategies = strategies or Strategies.shipped()
         self.demonstrations = gather_demonstrations(episodes, self._strategies)
         self.robot = episodes[0].robot
         self._facts = stroke_facts(episodes, landing_points, self._strategies)
         self.labels = tuple(self._facts)
+        self.reward_groups = tuple(dict.fromkeys(_groups(config, self.labels, self._strategies)))
         self.simulator = self._make_simulator(config.seed)
-        settings = table_tennis(BALL_NAMES, self.robot.joint_names)
-        owned = [self._reward_group(label) for label in self.labels]
-        self.reward_groups = tuple(dict.fromkeys(owned))
-        shared = (
-            tuple(self.reward_groups.index(name) for name in owned)
-            if len(self.reward_groups) < len(owned)
-            else ()
-        )
-        settings = replace(
-            settings,
-            iterations=config.iterations,
-            episodes=config.episodes,
-            reward=replace(settings.reward, reward_groups=shared),
-        )
-        if config.corrective_cloning:
-            settings = with_recovery_labels(settings, self.robot.joint_names, action_names(self.robot))
-        make = MSRD if config.method == "msrd" else airl_per_strategy
-        self.trainer = make(
-            settings, self.demonstrations, collector or BatchedCollector(self.simulator), config.seed
+        self.trainer: Learner = self.method.start(
+            Problem(
+                stroke_recipe(config, self.labels, self.robot, self._strategies),
+                self.demonstrations,
+                collector or BatchedCollector(self.simulator),
+                config.seed,
+            )
         )
 
     def _reward_group(self, label: StrategyLabel) -> str:
@@ -226,9 +267,8 @@ class StrokeTraining:
 
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:
         """The present policies, as the executor plays them."""
-        assert isinstance(self.trainer.policies, GaussianPolicies)
         details = {
-            "method": self.config.method,
+            "method": self.method.name,
             "seed": self.config.seed,
             "iterations": self.trainer.iterations_done,
         }
