@@ -78,6 +78,7 @@ setup(
         "tqdm>=4.65",
     ],
     extras_require={
+        "docs": ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"],
         "studies": ["gymnasium[mujoco]>=1.0", "mujoco>=3.1"],
         "test": [
             "colcon-common-extensions>=0.3",
