@@ -1,4 +1,4 @@
-"""Write docs/generated/: topics, services and parameters from what the nodes declare, and the picture of rooms."""
+"""Write docs/generated/: topics, services and parameters of the nodes, and the picture of rooms."""
 
 from __future__ import annotations
 
@@ -123,7 +123,9 @@ def picture() -> str:
     reach: dict[str, set[str]] = {}
     for room in sorted(found, key=height.__getitem__):
         reach[room] = found[room].union(*(reach[below] for below in found[room]))
-    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {tall}" font-family="sans-serif">']
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {tall}" font-family="sans-serif">'
+    ]
     parts.append(f'<rect width="{width}" height="{tall}" fill="white"/>')
     for room, (x, y) in places.items():
         for below in sorted(found[room]):
@@ -131,7 +133,8 @@ def picture() -> str:
                 continue
             to_x, to_y = places[below]
             parts.append(
-                f'<line x1="{x + WIDTH / 2}" y1="{y + HEIGHT}" x2="{to_x + WIDTH / 2}" y2="{to_y}" stroke="#888"/>'
+                f'<line x1="{x + WIDTH / 2}" y1="{y + HEIGHT}" '
+                f'x2="{to_x + WIDTH / 2}" y2="{to_y}" stroke="#888"/>'
             )
     for room, (x, y) in places.items():
         parts.append(

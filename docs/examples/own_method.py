@@ -13,8 +13,10 @@ class WithoutCrossNegatives(msrd.Method):
 
     def configure(self, config: msrd.MSRDConfig, strategies: int) -> msrd.MSRDConfig:
         """The recipe with this method's own change."""
-        return dataclasses.replace(config, reward=dataclasses.replace(config.reward, cross_weight=0.0))
+        return dataclasses.replace(
+            config, discriminator=dataclasses.replace(config.discriminator, cross_weight=0.0)
+        )
 
 
 method = msrd.find_method(WithoutCrossNegatives())
-print(method.title, method.configure(msrd.default_config(), 2).reward.cross_weight)
+print(method.title, method.configure(msrd.default_config(), 2).discriminator.cross_weight)

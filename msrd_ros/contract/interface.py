@@ -19,9 +19,7 @@ _BESIDE = (
     TopicFacts("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10),
 )
 
-TOPICS: Mapping[str, TopicFacts] = MappingProxyType(
-    {**CONTRACT, **{facts.name: facts for facts in _BESIDE}}
-)
+TOPICS: Mapping[str, TopicFacts] = MappingProxyType({**CONTRACT, **{facts.name: facts for facts in _BESIDE}})
 """Topics by relative name. All are reliable."""
 
 MEANINGS: Mapping[str, str] = MappingProxyType(
