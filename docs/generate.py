@@ -89,7 +89,7 @@ def _room(module: str) -> str | None:
     for length in (3, 2):
         name = "/".join(parts[1:length])
         inner = PACKAGE / name
-        if len(parts) >= length and inner.is_dir() and (length == 2 or parts[1] == "table_tennis"):
+        if inner.is_dir() and len(parts) >= length and (length == 3) == (parts[1] == "table_tennis"):
             return name
     return None
 
@@ -111,7 +111,7 @@ def floors(found: dict[str, set[str]]) -> dict[str, int]:
 
 
 def picture() -> str:
-    """SVG of the rooms on their floors; an arrow for each import that no longer way implies."""
+    """SVG of the rooms on their floors; an arrow for each import that no longer way down implies."""
     found = arrows()
     height = floors(found)
     places = {}
