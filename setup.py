@@ -84,6 +84,7 @@ setup(
         "environments": ["gymnasium>=1.0"],
         "examples": ["gymnasium[box2d]>=1.1"],
         "minari": MINARI,
+        "docs": ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"],
         "studies": ["gymnasium[mujoco]>=1.0", "mujoco>=3.1"],
         "test": [
             "colcon-common-extensions>=0.3",
