@@ -41,7 +41,7 @@ $(STAMP): setup.py constraints.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) || { echo "make: $(PYTHON) cannot make environments: install its venv module (Debian, Ubuntu: python3-venv)" >&2; exit 2; }
 	@echo '*' > $(VENV)/.gitignore
 	@echo "Installing into $(VENV): one or two minutes; on Python 3.12 more, where pybullet compiles"
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[test,studies]'
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[all,test]'
 	@touch $@
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report in OUT
