@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.replay import DemonstrationPool
 
@@ -106,7 +107,13 @@ def perturbation(
     noise = torch.zeros(len(observation_names))
     correction = torch.zeros(len(observation_names), len(action_names))
     for name, deviation in config.state_noise:
-        noise[observation_names.index(name)] = deviation
+        noise[_column(name, observation_names)] = deviation
     for observation, action, gain in config.recovery_labels:
-        correction[observation_names.index(observation), action_names.index(action)] = gain
+        correction[_column(observation, observation_names), _column(action, action_names)] = gain
     return noise, correction
+
+
+def _column(name: str, names: tuple[str, ...]) -> int:
+    if name not in names:
+        raise UserError(f"cloning: no column {name!r}; there are {', '.join(names)}")
+    return names.index(name)

@@ -51,6 +51,12 @@ class FeatureConfig:
     names: tuple[str, ...] = ()
     scales: tuple[float, ...] = ()
 
+    def __post_init__(self) -> None:
+        if self.names and self.scales and len(self.scales) != len(self.names):
+            raise UserError(
+                f"features: {len(self.scales)} scales for {len(self.names)} columns; give one each"
+            )
+
     def build(self, demonstrations: Demonstrations) -> Features:
         """Resolve names and scaling against `demonstrations`.
 

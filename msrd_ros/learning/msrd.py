@@ -16,6 +16,7 @@ from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
 from msrd_ros.learning.config import MSRDConfig, PolicyReward, ReplayConfig
+from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.replay import DemonstrationPool, Replay
@@ -139,7 +140,7 @@ class MSRD:
 
         def play_snapshot(collector: Collector = self._collector) -> None:
             rollouts = self._collect(self.config.cloning.snapshot_episodes, collector)
-            played.append(self._transitions(rollouts))
+            played.append(only_valid(self._transitions(rollouts), rollouts.lengths))
 
         if not isinstance(self.policies, GaussianPolicies):
             raise TypeError("only Gaussian policies can be cloned")
@@ -172,7 +173,8 @@ class MSRD:
 
         # Line 6: collect K trajectories of every policy.
         rollouts = self._collect(config.episodes, self._collector)
-        generated = self._transitions(rollouts)
+        everything = self._transitions(rollouts)
+        generated = only_valid(everything, rollouts.lengths)
 
         # Line 7: sample demonstrations of every strategy.
         count = config.discriminator.demonstrations_per_iteration
@@ -191,7 +193,7 @@ class MSRD:
             self._replay.add(generated, config.replay.keep, self._generator)
 
         # Line 9: give every generated transition the reward R_i.
-        reward = self._reward(generated).reshape(*rollouts.actions.shape[:2], -1)
+        reward = self._reward(everything).reshape(*rollouts.actions.shape[:2], -1)
 
         # Line 10: update the policies by TRPO with entropy bonus.
         metrics |= self._improvement.improve(rollouts, reward, self.progress)
@@ -235,7 +237,8 @@ class MSRD:
 
     def _collect(self, episodes: int, collector: Collector) -> Rollouts:
         rollouts = collector.collect(self.policies, episodes, self._rng)
-        self.environment_steps += rollouts.observations[:, :, 1:, 0].size
+        require_usable(rollouts, self.layout)
+        self.environment_steps += rollouts.played_steps
         return rollouts
 
     def _transitions(self, rollouts: Rollouts) -> Transitions:
@@ -244,6 +247,7 @@ class MSRD:
             torch.as_tensor(rollouts.observations),
             torch.as_tensor(rollouts.actions),
             torch.as_tensor(rollouts.log_probs),
+            rollouts.acting,
         )
         return transitions.with_log_prob(self._density(transitions.log_prob, transitions.passive))
 

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.advantages import credit_masked_rewards, generalised_advantages
+from msrd_ros.learning.endings import acting_rows, hold_endings
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
@@ -74,16 +75,20 @@ class PolicyImprovement:
         states, times = observations[:, :, :acting].flatten(1, 2), clock[:, :, :acting].flatten(1, 2)
         actions = torch.as_tensor(rollouts.actions).flatten(1, 2)
         reward = credit_masked_rewards(reward, acting, discount)
+        chosen = acting_rows(rollouts)
+        states, times, actions = chosen(states), chosen(times), chosen(actions)
 
         if not self.value.fitted:
             nothing = torch.zeros(strategies, episodes, acting + 1)
             returns = generalised_advantages(reward, nothing, discount, 1.0)
-            self.value.fit(states, times, returns.flatten(1, 2))
+            self.value.fit(states, times, chosen(returns.flatten(1, 2)))
         values = self.value(observations.flatten(1, 2), clock.flatten(1, 2))
         values = values.reshape(strategies, episodes, acting + 1)
         if not self.value.config.bootstrap:
             values[:, :, -1] = 0.0
-        advantages = generalised_advantages(reward, values, discount, self._gae_decay).flatten(1, 2)
+        reward, values = hold_endings(rollouts, reward, values, discount, self.value.config.bootstrap)
+        advantages = generalised_advantages(reward, values, discount, self._gae_decay)
+        advantages = chosen(advantages.flatten(1, 2))
         deviation = advantages.std(dim=1, keepdim=True) + 1e-8
         advantages = (advantages - advantages.mean(dim=1, keepdim=True)) / deviation
 
@@ -91,7 +96,7 @@ class PolicyImprovement:
         trust_region = replace(self._trust_region, kl=self._trust_region.kl * shrink)
         report = trust_region_step(self._policies, states, actions, advantages, trust_region, self._generator)
         returns = generalised_advantages(reward, values, discount, 1.0) + values[:, :, :-1]
-        error = self.value.fit(states, times, returns.flatten(1, 2))
+        error = self.value.fit(states, times, chosen(returns.flatten(1, 2)))
         with torch.no_grad():
             entropy = self._policies.entropy(self._policies.distribution(states[:, :1]))
         return {

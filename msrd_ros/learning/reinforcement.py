@@ -77,7 +77,7 @@ class PolicyTraining:
         """Play, reward, improve."""
         started = time.perf_counter()
         rollouts = self.collector.collect(self.policies, self.episodes, self._rng)
-        self.environment_steps += rollouts.observations[:, :, 1:, 0].size
+        self.environment_steps += rollouts.played_steps
         reward = self._source.reward(rollouts, self.policies)
         metrics = self._improvement.improve(rollouts, reward)
         metrics["reward"] = float(reward.mean())

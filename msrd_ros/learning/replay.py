@@ -24,7 +24,9 @@ class DemonstrationPool:
         actions = torch.as_tensor(demonstrations.actions, dtype=torch.float32)
         steps = demonstrations.step_counts()
         self.horizon = demonstrations.horizon
-        self.transitions = Transitions.of(torch.nan_to_num(observations), torch.nan_to_num(actions))
+        self.transitions = Transitions.of(
+            torch.nan_to_num(observations), torch.nan_to_num(actions), acting_steps=demonstrations.acting
+        )
         # Demonstrations of each strategy that exist, first in the order of the data; padding repeats none.
         exists = torch.as_tensor(steps > 0)
         self._counts = exists.sum(dim=1)

@@ -11,6 +11,7 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.networks import BatchedMLP, Features
 from msrd_ros.learning.trajectories import Transitions
 
@@ -110,6 +111,8 @@ class RewardModel(nn.Module):
             BatchedMLP(strategies, (strategy_features.width, *hidden, 1), generator) if shaping else None
         )
         weights = torch.tensor(alpha, dtype=torch.float32).reshape(-1, 1)
+        if len(weights) not in (1, strategies):
+            raise UserError(f"reward.alpha: {len(weights)} values for {strategies} strategies; give one each")
         self.register_buffer("alpha", weights.expand(strategies, 1).clone())
 
     def forward(self, transitions: Transitions) -> RewardValues:

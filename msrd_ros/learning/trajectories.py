@@ -33,12 +33,16 @@ class Demonstrations:
     lengths
         ``[S, M]`` valid steps of each trajectory, 0 where strategy i has fewer than M demonstrations;
         None means that every trajectory is whole.
+    acting
+        ``[S, M]`` steps in which the demonstrator acted; in the valid steps behind them an episode that has
+        ended stays where it ended. None: in all T_act.
     """
 
     observations: NDArray[np.floating]
     actions: NDArray[np.floating]
     layout: Layout
     lengths: NDArray[np.integer] | None = None
+    acting: NDArray[np.integer] | None = None
 
     def __post_init__(self) -> None:
         strategies, count, states, width = self.observations.shape
@@ -93,6 +97,7 @@ class Demonstrations:
                 self.layout.control_period_s,
             ),
             None if self.lengths is None else self.lengths.reshape(1, -1),
+            None if self.acting is None else self.acting.reshape(1, -1),
         )
 
 
@@ -108,11 +113,28 @@ class Rollouts:
         ``[S, K, T_act, A]`` as drawn from the policy, before any clipping by the environment.
     log_probs
         ``[S, K, T_act]``, log pi_i(a|s) under the policies that drew them.
+    acting
+        ``[S, K]`` steps in which a policy acted; None: all T_act. Behind them an episode that has ended stays
+        where it ended.
+    lengths
+        ``[S, K]`` valid steps; rows behind them (of an episode that was cut off) are ignored. None: all T.
+    environment_reward
+        ``[S, K, T]``, what the environment itself paid, 0 where nobody acted; None: it pays nothing.
     """
 
     observations: NDArray[np.float32]
     actions: NDArray[np.float32]
     log_probs: NDArray[np.float32]
+    acting: NDArray[np.int64] | None = None
+    lengths: NDArray[np.int64] | None = None
+    environment_reward: NDArray[np.float32] | None = None
+
+    @property
+    def played_steps(self) -> int:
+        """Steps that were played, all episodes together."""
+        if self.acting is None:
+            return int(self.observations[:, :, 1:, 0].size)
+        return int(self.acting.sum())
 
 
 class Transitions:
@@ -174,8 +196,19 @@ class Transitions:
         return Transitions(packed, parts[0].observation_width, parts[0].action_width)
 
     @staticmethod
-    def of(observations: Tensor, actions: Tensor, log_probs: Tensor | None = None) -> Transitions:
-        """Flatten trajectories ``[S, K, T+1, O]`` and ``[S, K, T_act, A]`` to ``[S, K*T, ...]``."""
+    def of(
+        observations: Tensor,
+        actions: Tensor,
+        log_probs: Tensor | None = None,
+        acting_steps: NDArray[np.integer] | None = None,
+    ) -> Transitions:
+        """Flatten trajectories ``[S, K, T+1, O]`` and ``[S, K, T_act, A]`` to ``[S, K*T, ...]``.
+
+        Parameters
+        ----------
+        acting_steps
+            ``[S, K]``, how long somebody acts in each trajectory; None: T_act steps.
+        """
         strategies, count, states, width = observations.shape
         acting, action_width = actions.shape[2], actions.shape[3]
         packed = torch.zeros(strategies, count, states - 1, 2 * width + action_width + 2)
@@ -185,4 +218,8 @@ class Transitions:
         packed[:, :, acting:, -2] = 1.0
         if log_probs is not None:
             packed[:, :, :acting, -1] = log_probs
+        if acting_steps is not None:
+            over = torch.arange(states - 1) >= torch.as_tensor(acting_steps)[..., None]
+            packed[..., width : width + action_width][over] = 0.0
+            packed[..., -2][over], packed[..., -1][over] = 1.0, 0.0
         return Transitions(packed.flatten(1, 2), width, action_width)

@@ -1,0 +1,54 @@
+"""The default recipe: what our studies found necessary, for any task with continuous actions."""
+
+from __future__ import annotations
+
+from msrd_ros.learning.cloning import CloningConfig
+from msrd_ros.learning.config import (
+    DiscriminatorConfig,
+    MSRDConfig,
+    PolicyConfig,
+    PolicyReward,
+    ReplayConfig,
+    RewardConfig,
+)
+from msrd_ros.learning.trpo import TrustRegionConfig
+from msrd_ros.learning.value import ValueConfig
+
+
+def default_config() -> MSRDConfig:
+    """Settings for a new task; change single values with `dataclasses.replace`.
+
+    Actions are in units of their range: standard deviations are shares of half of it.
+    """
+    return MSRDConfig(
+        iterations=40,
+        episodes=4,
+        # Entropy by the objective itself: a policy that is sure of itself leaves the discriminator nothing.
+        policy_reward=PolicyReward.LOGIT,
+        reward=RewardConfig(hidden=(32, 32)),
+        discriminator=DiscriminatorConfig(
+            batch=256,
+            learning_rate=2e-3,
+            # S_i is kept small so that R0 explains what it can; R0 costs something as well, or it falls
+            # without end where generators pile up and demonstrations never go.
+            penalty_weight=0.05,
+            task_penalty_weight=0.05,
+            # Without cross-negatives nothing tells S_i what the other strategies look like.
+            cross_weight=1.0,
+            cross_batch=256,
+            gradient_penalty=0.02,
+            task_gradient_penalty=0.02,
+            # An episode that has ended is judged by its place alone: both kinds of step meet at one level.
+            centre_log_prob=True,
+            log_prob_bounds=(-10.0, 10.0),
+        ),
+        # Once nobody fails any more, R0 would forget what failing is: half of the negatives are old or bad.
+        replay=ReplayConfig(keep=512, replay_share=0.25, snapshot_share=0.25),
+        policy=PolicyConfig(hidden=(64, 64), std=0.2, std_min=0.05, std_max=0.3),
+        # Policies that run ahead of the rewards lose the contrast with the demonstrations.
+        trust_region=TrustRegionConfig(kl=0.01, kl_end=0.2),
+        value=ValueConfig(hidden=(64, 64), steps=20, sees_time=False, bootstrap=True),
+        cloning=CloningConfig(
+            steps=1500, batch=256, snapshots=(0, 40, 160, 320), noise_levels=(0.5, 1.0), snapshot_episodes=2
+        ),
+    )

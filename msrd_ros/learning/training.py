@@ -1,0 +1,137 @@
+"""From demonstrations and an environment to rewards and policies, in one call."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from msrd_ros.core.errors import UserError
+from msrd_ros.learning.action_scale import ActionScale
+from msrd_ros.learning.checkpoints import export_policies
+from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.learned import Learned
+from msrd_ros.learning.method import Learner, Method, Problem
+from msrd_ros.learning.methods import find_method
+from msrd_ros.learning.places import Place, find_place
+from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.policy import PolicySet
+from msrd_ros.learning.recipe import default_config
+from msrd_ros.learning.trajectories import Demonstrations
+
+
+def train(
+    demonstrations: Demonstrations,
+    environment: Any,
+    method: str | Method = "msrd",
+    config: MSRDConfig | None = None,
+    labels: str = "given",
+    seed: int = 0,
+    progress: bool = True,
+) -> Learned:
+    """Learn what all strategies want, what each of them wants beside it, and how to do it.
+
+    Parameters
+    ----------
+    demonstrations
+        Of `demonstrations_from_arrays` and its like.
+    environment
+        Where policies are played: the id of a Gymnasium environment, one of its environments, a function
+        that makes one, a `GymEnvironment`; or a `BatchedEnvironment` or `Collector` of your own.
+    method
+        A name of `METHODS`, or a `Method`.
+    config
+        Settings; None: `default_config`.
+    labels
+        ``"given"``: the demonstrations say whose they are.
+    seed
+        Everything random follows from it: the same seed gives the same result on one machine.
+    progress
+        Whether to show a progress bar.
+
+    Raises
+    ------
+    UserError
+        If demonstrations and environment do not go together, a setting is wrong, or a rollout or the
+        training gave numbers that are not finite.
+
+    Warns
+    -----
+    UserWarning
+        If the demonstrations look as if they were made in another environment.
+    """
+    if labels != "given":
+        raise UserError(f"labels={labels!r}: only 'given' exists today; label every demonstration")
+    chosen = find_method(method)
+    settings = config or default_config()
+    place = find_place(environment, demonstrations)
+    if settings.cloning.restarts and place.autoreset is None:
+        raise UserError("cloning.restarts: only Gymnasium environments start again; leave it empty")
+    scale = place.scale
+    scaled = (
+        replace(demonstrations, actions=scale.to_unit(demonstrations.actions)) if scale else demonstrations
+    )
+    problem = Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset)
+    learner = chosen.start(problem)
+    _run(learner, place, chosen, progress)
+    details = {
+        "method": chosen.name,
+        "seed": seed,
+        "config": learner.config.to_dict(),
+        "curve": place.curve,
+        "environment_steps": learner.environment_steps,
+        "versions": {name: version(name) for name in ("torch", "numpy")},
+    }
+    if scale:
+        details["action_scale"] = {"centre": scale.centre.tolist(), "half": scale.half.tolist()}
+    rewards = learner.averaged_rewards.requires_grad_(False) if chosen.has_rewards else None
+    return Learned(_policies_of_all(learner, demonstrations, scale), rewards, details)
+
+
+def _run(learner: Learner, place: Place, method: Method, progress: bool) -> None:
+    """Cloning and all iterations."""
+    iterations = learner.config.iterations
+    with tqdm(total=iterations, unit="iteration", desc=method.title, disable=not progress) as bar:
+        _require_finite("cloning", learner.clone())
+        place.curve.clear()
+        for iteration in range(1, iterations + 1):
+            _require_finite(f"iteration {iteration}", learner.iterate())
+            if place.curve:
+                returns = place.curve[-1]
+                bar.set_postfix_str(
+                    "the environment's own return " + ", ".join(f"{value:.0f}" for value in returns)
+                )
+            bar.update()
+
+
+def _require_finite(when: str, figures: dict[str, float]) -> None:
+    for name, value in figures.items():
+        if not np.isfinite(value):
+            raise UserError(
+                f"{when}: {name} is {value}; training diverged: lower discriminator.learning_rate, "
+                "cloning.learning_rate or trust_region.kl"
+            )
+
+
+def _policies_of_all(
+    learner: Learner, demonstrations: Demonstrations, scale: ActionScale | None
+) -> PolicySet:
+    """One policy for every label, in the environment's units; a method's only policy serves all."""
+    if not isinstance(learner.policies, GaussianPolicies):
+        raise UserError("only Gaussian policies can be kept; use MSRD itself for others")
+    found = export_policies(learner.policies, demonstrations.layout)
+    tensors = dict(found.tensors)
+    stacked = [name for name in tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]
+    last = sum(name.startswith("weight/") for name in tensors) - 1
+    if scale is not None:
+        half, centre = scale.half.astype(np.float32), scale.centre.astype(np.float32)
+        tensors[f"weight/{last}"] = tensors[f"weight/{last}"] * half
+        tensors[f"bias/{last}"] = tensors[f"bias/{last}"] * half + centre
+        tensors["log_std"] = tensors["log_std"] + np.log(half)
+    if learner.policies.strategies == 1:
+        for name in stacked:
+            tensors[name] = np.repeat(tensors[name], demonstrations.strategies, axis=0)
+    return PolicySet(found.layout, tensors, {})
