@@ -21,7 +21,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format clean
+.PHONY: help venv demo test lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -60,7 +60,11 @@ format: $(STAMP)  ## Put the code into shape, and write config/ anew from what t
 	$(BIN)/ruff check --fix
 	$(BIN)/python -m msrd_ros.nodes.parameter_files
 
+dist: $(STAMP)  ## Build wheel and source distribution into dist/
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist
+
 clean:  ## Remove the environment, caches and builds; out/ and runs/ stay
-	rm -rf build install log msrd_ros.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf build dist install log msrd_ros.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -not -path './.git/*' -not -path './.venv*' -prune -exec rm -rf {} +
 	test ! -e $(VENV)/pyvenv.cfg || rm -rf $(VENV)

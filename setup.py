@@ -102,6 +102,7 @@ setup(
             "hypothesis>=6.100",
             "mcap-ros2-support>=0.5",
             "mypy>=1.11",
+            "packaging>=23",
             "pytest>=8",
             "pytest-cov>=5",
             "pytest-timeout>=2.3",

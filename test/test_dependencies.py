@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from xml.etree import ElementTree
@@ -38,6 +39,10 @@ ELSEWHERE = {"imitation", "sb3_contrib", "stable_baselines3"}
 
 MODULES = {"torch.utils.tensorboard": "tensorboard"}
 """Modules that another distribution than their own has to be there for."""
+
+
+installed = cache(packages_distributions)
+"""Distributions by the modules that they bring; slow to ask for."""
 
 
 def normal(name: str) -> str:
@@ -80,23 +85,25 @@ def imported(folder: Path) -> Iterator[tuple[str, str]]:
     own |= {path.stem for path in (CHECKOUT / "benchmarks").glob("*.py")} | {PACKAGE, "setup"}
     for path in sorted(folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = []
+            names: list[str] = []
+            line = 0
             if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
+                names, line = [alias.name for alias in node.names], node.lineno
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                names = [node.module]
+                names, line = [node.module], node.lineno
             for name in names:
                 top = name.partition(".")[0]
                 if top not in own and top not in sys.stdlib_module_names:
-                    yield name, f"{path.relative_to(CHECKOUT)}:{node.lineno}"
+                    yield name, f"{path.relative_to(CHECKOUT)}:{line}"
 
 
+@cache
 def distributions(module: str) -> set[str]:
     """The distributions that bring a module."""
     if module in MODULES:
         return {MODULES[module]}
     top = module.partition(".")[0]
-    return {normal(name) for name in packages_distributions().get(top, [top])}
+    return {normal(name) for name in installed().get(top, [top])}
 
 
 def undeclared(folder: Path, allowed: set[str], ros: set[str], with_ros: bool) -> list[str]:
@@ -141,7 +148,7 @@ def test_nothing_is_declared_in_vain(declared: dict[str, set[str]]) -> None:
 
 def test_library_and_bags_load_without_any_extra(declared: dict[str, set[str]], ros: set[str]) -> None:
     extras = set().union(*(names for extra, names in declared.items() if extra)) - declared[""]
-    refused = {top for top, names in packages_distributions().items() if {normal(n) for n in names} <= extras}
+    refused = {top for top, names in installed().items() if {normal(n) for n in names} <= extras}
     modules = [
         ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__")
         for room in BASE_ROOMS
