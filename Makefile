@@ -21,11 +21,11 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format dist clean
+.PHONY: help venv demo test test-fast coverage lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
 	@echo "and the variables"
 	@echo "  PYTHON=...    Python 3.11 or 3.12 to make the environment with"
 	@echo "  PIP_ARGS=...  more arguments for pip, such as --extra-index-url of CPU-only torch builds"
@@ -50,6 +50,12 @@ demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report
 test: lint  ## Check style and types, run all tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
+test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
+	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 30 $(PYTEST_ARGS)
+
+coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
+	$(BIN)/python -m pytest --cov --cov-report term:skip-covered $(PYTEST_ARGS)
+
 lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -65,6 +71,6 @@ dist: $(STAMP)  ## Build wheel and source distribution into dist/
 	$(BIN)/python -m build --no-isolation --outdir dist
 
 clean:  ## Remove the environment, caches and builds; out/ and runs/ stay
-	rm -rf build dist install log msrd_ros.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf build dist install log msrd_ros.egg-info .coverage .coverage.* .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -not -path './.git/*' -not -path './.venv*' -prune -exec rm -rf {} +
 	test ! -e $(VENV)/pyvenv.cfg || rm -rf $(VENV)

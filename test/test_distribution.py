@@ -11,6 +11,8 @@ import pytest
 from builds import BareEnvironment
 from processes import CHECKOUT, PACKAGE
 
+pytestmark = pytest.mark.slow
+
 READ_BAGS = f"""
 from {PACKAGE}.bags.reader import Bag
 from {PACKAGE}.core.resources import shipped_bags

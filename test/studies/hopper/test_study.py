@@ -36,6 +36,8 @@ from msrd_ros.studies.hopper.task import HOPPER, preset
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.methods import Budget, Method, configure
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:

@@ -35,6 +35,8 @@ from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from quick_studies import play
 
+pytestmark = pytest.mark.slow
+
 LABELS = [str(label) for label in ALL_LABELS]
 
 

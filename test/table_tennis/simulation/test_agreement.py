@@ -31,6 +31,8 @@ from msrd_ros.table_tennis.simulation.batched import (
 from msrd_ros.table_tennis.simulation.rally import Rally
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
+pytestmark = pytest.mark.slow
+
 EPISODES = 50
 """Of each label."""
 CLUMSINESS = 0.07

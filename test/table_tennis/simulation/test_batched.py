@@ -23,6 +23,8 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 
+pytestmark = pytest.mark.slow
+
 SCENE = Scene()
 READY = {
     Side.FOREHAND: np.array([0.02, 0.68, -1.30, 0.66, -0.47, 1.68, -0.04]),

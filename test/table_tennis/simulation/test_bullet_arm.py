@@ -17,6 +17,8 @@ from msrd_ros.table_tennis.ball.scene import Table
 from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 
+pytestmark = pytest.mark.slow
+
 PERIOD_S = 0.02
 PLAYING_POSTURE = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
 STRETCHED_OUT = np.zeros(7)

@@ -17,6 +17,8 @@ from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
+pytestmark = pytest.mark.slow
+
 PERIOD_S = 0.02
 READY = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
 

@@ -17,6 +17,8 @@ from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.simulation.world import EPOCH_NS, World, WorldConfig
 from msrd_ros.table_tennis.strokes.rollouts import Stroke, play_stroke
 
+pytestmark = pytest.mark.slow
+
 FOREHAND, BACKHAND = ALL_LABELS[0], ALL_LABELS[3]
 PERIOD_NS = round(CONTROL_PERIOD_S * 1e9)
 

@@ -17,6 +17,8 @@ from msrd_ros.table_tennis.simulation.world import World, WorldConfig
 from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
+pytestmark = pytest.mark.slow
+
 LABEL = ALL_LABELS[2]
 ROUNDING = 1e-9
 Wrong = Callable[[np.random.Generator, int], np.ndarray]

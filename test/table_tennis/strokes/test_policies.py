@@ -15,6 +15,8 @@ from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.errors import UserError
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokeFacts, StrokePolicies
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_file_reads_back_exactly(tmp_path: Path) -> None:
     policies = replace(made_up_policies(ALL_LABELS[:2]), exploration_seed=5, ready_noise_rad=0.02)

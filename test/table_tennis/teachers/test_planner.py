@@ -37,6 +37,8 @@ from msrd_ros.table_tennis.teachers.side import (
 )
 from msrd_ros.table_tennis.teachers.study_design import spin_class
 
+pytestmark = pytest.mark.slow
+
 SCENE = Scene().constants()
 SPIN_RANGES = {Stroke.PUSH: (-18.0, 5.0), Stroke.SLICE: (-115.0, -90.0), Stroke.TOPSPIN: (95.0, 125.0)}
 
