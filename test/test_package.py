@@ -20,6 +20,8 @@ from msrd_ros.__main__ import EXECUTABLES
 from msrd_ros.nodes.parameter_files import NODES, config_type, parameter_file
 from processes import CHECKOUT, PACKAGE, Installation
 
+pytestmark = pytest.mark.slow
+
 SHARED_FOLDERS = ("config", "launch", "bags")
 
 

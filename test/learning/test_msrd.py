@@ -190,6 +190,7 @@ def test_msrd_moves_policies_and_tells_strategies_apart() -> None:
     np.testing.assert_allclose(places, [-1.0, 0.0, 1.0], atol=0.3)
 
 
+@pytest.mark.slow
 def test_known_rewards_of_a_grid_world_are_recovered() -> None:
     """Two soft-optimal demonstrators, tables for everything: R0, S_i and pi_i have known answers.
 

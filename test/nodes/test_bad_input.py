@@ -17,6 +17,8 @@ from msrd_ros.nodes import demonstrator, evaluator, executor, simulator, trainer
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from synthetic_strokes import at_root, stroke_messages, topics_of
 
+pytestmark = pytest.mark.slow
+
 NODES = {
     "simulator": simulator.main,
     "executor": executor.main,

@@ -32,6 +32,8 @@ from msrd_ros.studies.shared.methods import METHODS
 from msrd_ros.studies.shared.statistics import diagonal_test, paired_test
 from quick_studies import play, written_by_virtual_study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:

@@ -38,6 +38,8 @@ from msrd_ros.studies.shared.method import Budget
 from msrd_ros.studies.shared.methods import PLAYING
 from msrd_ros.studies.shared.statistics import RIVALS
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:

@@ -36,6 +36,8 @@ from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strategies.table import Side
 from quick_studies import play
 
+pytestmark = pytest.mark.slow
+
 LABELS = [str(label) for label in ALL_LABELS]
 
 

@@ -49,6 +49,7 @@ def strays_on_the_way(world: World, start: np.ndarray, goal: np.ndarray) -> int:
     return strays
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ended", ALL_LABELS)
 def test_the_arm_gets_from_the_end_of_every_stroke_to_every_ready_pose(
     world: World, ended: PaperLabel

@@ -31,6 +31,8 @@ from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import ARM, ROBOT, SPEED_LIMIT_RAD_S
 
+pytestmark = pytest.mark.slow
+
 EPISODES = 50
 """Of each label."""
 CLUMSINESS = 0.07

@@ -30,6 +30,8 @@ from sawyer import (
     SPEED_LIMIT_RAD_S,
 )
 
+pytestmark = pytest.mark.slow
+
 SCENE = Scene()
 READY = {
     Side.FOREHAND: np.array([0.02, 0.68, -1.30, 0.66, -0.47, 1.68, -0.04]),

@@ -17,6 +17,8 @@ from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from sawyer import ACCELERATION_LIMIT_RAD_S2, ARM, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT
 
+pytestmark = pytest.mark.slow
+
 PERIOD_S = 0.02
 PLAYING_POSTURE = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
 STRETCHED_OUT = np.zeros(7)

@@ -19,6 +19,8 @@ from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import ROBOT
 
+pytestmark = pytest.mark.slow
+
 PERIOD_S = 0.02
 READY = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
 

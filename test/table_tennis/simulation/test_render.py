@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from msrd_ros.table_tennis.simulation.render import FilmStudio, FilmStyle, film_frames, film_strip
 from sawyer import HOME_POSTURE_RAD, ROBOT
+
+pytestmark = pytest.mark.slow
 
 SMALL = FilmStyle(width=160, height=120)
 BALLS = np.array([[0.5, 0.0, 1.15], [0.0, 0.0, 1.25], [-0.9, -0.1, 0.9]])

@@ -20,6 +20,8 @@ from msrd_ros.table_tennis.teachers.impedance_guidance import leading_hand
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import ARM, ROBOT
 
+pytestmark = pytest.mark.slow
+
 TICK_S = 0.004
 PLAYING_POSTURE = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
 

@@ -18,6 +18,8 @@ from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.rollouts import Stroke, play_stroke
 from sawyer import HOME_POSTURE_RAD
 
+pytestmark = pytest.mark.slow
+
 FOREHAND, BACKHAND = ALL_LABELS[0], ALL_LABELS[3]
 PERIOD_NS = round(CONTROL_PERIOD_S * 1e9)
 

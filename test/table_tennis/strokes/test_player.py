@@ -23,6 +23,8 @@ from sawyer import (
     SPEED_LIMIT_RAD_S,
 )
 
+pytestmark = pytest.mark.slow
+
 LABEL = ALL_LABELS[2]
 ROUNDING = 1e-9
 Wrong = Callable[[np.random.Generator, int], np.ndarray]

@@ -17,6 +17,8 @@ from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokeFacts, StrokePolicies
 from sawyer import JOINT_COUNT, ROBOT
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_file_reads_back_exactly(tmp_path: Path) -> None:
     policies = replace(made_up_policies(ALL_LABELS[:2]), exploration_seed=5, ready_noise_rad=0.02)

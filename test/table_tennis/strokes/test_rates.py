@@ -14,6 +14,8 @@ from msrd_ros.table_tennis.strokes.rates import LabelRates, Rate, format_table
 
 TOPSPIN, PUSH = StrategyLabel.parse("forehand-topspin"), StrategyLabel.parse("forehand-push")
 
+pytestmark = pytest.mark.slow
+
 
 def back(x: float, y: float, spin: float) -> Outcome:
     return Outcome(1, struck=True, miss_reason=None, landing_x_m=x, landing_y_m=y, spin_y_rad_s=spin)

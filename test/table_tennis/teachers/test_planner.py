@@ -39,6 +39,8 @@ from msrd_ros.table_tennis.teachers.side import (
 )
 from sawyer import ARM, HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT, SPEED_LIMIT_RAD_S
 
+pytestmark = pytest.mark.slow
+
 SCENE = Scene().constants()
 SPIN_RANGES = {Stroke.PUSH: (-18.0, 5.0), Stroke.SLICE: (-115.0, -90.0), Stroke.TOPSPIN: (95.0, 125.0)}
 

@@ -24,6 +24,8 @@ from msrd_ros.table_tennis.teachers.study_design import Verdict, judge_stroke
 from msrd_ros.table_tennis.teachers.style import Flaws, PopulationConfig, Slip, Style
 from sawyer import ARM, ROBOT, SPEED_LIMIT_RAD_S
 
+pytestmark = pytest.mark.slow
+
 SCENE = Scene().constants()
 TICK_S = 0.004
 NO_SLIPS = PopulationConfig(slip_least=0.0, slip_most=0.0)

@@ -21,6 +21,8 @@ from msrd_ros.table_tennis.teachers.study_design import (
     subject_name,
 )
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("subjects", [1, 5, 10, 12, 17])
 def test_orders_are_complete_and_balanced(subjects: int) -> None:
