@@ -40,9 +40,9 @@ def default_config(restarts: bool = True) -> MSRDConfig:
             penalty_weight=0.05,
             task_penalty_weight=0.05,
             # Without cross-negatives nothing tells S_i what the other strategies look like. Of the task they
-            # say nothing: where they reached R0 as well, the shipped landings' R0 correlated less with the true
-            # return of noisy ones (two tuning seeds: .69 and .63 for .80 and .87). Without bad examples of all
-            # kinds, that are much of the negatives, it was .46.
+            # say nothing: where they reached R0 as well, R0 of the shipped landings correlated less with the
+            # true return of noisy ones (two tuning seeds: .69 and .63 for .80 and .87), and without many bad
+            # examples of all kinds still less (.46).
             cross_weight=1.0,
             cross_batch=256,
             cross_reaches_task=False,
