@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+import torch
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.action_scale import ActionScale
@@ -73,8 +76,9 @@ def train(
     if scale:
         scaled = replace(demonstrations, actions=scale.to_unit(demonstrations.actions))
         settings = _in_units(settings, demonstrations, scale)
-    learner = chosen.start(Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset))
-    Harness(learner, _Returns(place), title=chosen.title if progress else None).run()
+    with _one_thread():
+        learner = chosen.start(Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset))
+        Harness(learner, _Returns(place), title=chosen.title if progress else None).run()
     details = {
         "method": chosen.name,
         "seed": seed,
@@ -87,6 +91,17 @@ def train(
         details["action_scale"] = {"centre": scale.centre.tolist(), "half": scale.half.tolist()}
     rewards = learner.averaged_rewards.requires_grad_(False) if chosen.has_rewards else None
     return Learned(_policies_of_all(learner, demonstrations, scale), rewards, details)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Threads that share out tensors this small wait for each other, ten times as long where cores are busy."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 class _Returns(Task):
