@@ -51,7 +51,7 @@ test: lint  ## Check style and types, run all tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
-	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 30 $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
 	$(BIN)/python -m pytest --cov --cov-report term:skip-covered $(PYTEST_ARGS)

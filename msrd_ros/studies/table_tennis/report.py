@@ -12,6 +12,7 @@ from msrd_ros.reports.page import Report
 from msrd_ros.reports.stroke_figures import spin_histograms
 from msrd_ros.studies.table_tennis import figures
 from msrd_ros.studies.table_tennis.results import pooled
+from msrd_ros.table_tennis.strategies.table import Strategies
 
 NAMES = {
     "msrd": "MSRD",
@@ -50,7 +51,9 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     report.heading("Spin")
     report.figure(
         spin_histograms(
-            metrics["methods"]["msrd"]["spins"], [StrategyLabel.parse(text) for text in metrics["labels"]]
+            metrics["methods"]["msrd"]["spins"],
+            [Strategies.shipped().of(StrategyLabel.parse(text)) for text in metrics["labels"]],
+            Strategies.shipped().spin_borders,
         ),
         "Spin about the horizontal axis across the table right after the hit, returned balls of MSRD; "
         "positive is topspin. Dotted: borders between the three classes.",

@@ -16,7 +16,8 @@ from typing import Any
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
-from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.files import write_atomically
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.studies.shared.cache import cache_key, cached
@@ -54,6 +55,7 @@ from msrd_ros.studies.table_tennis.results import (
     save_films,
 )
 from msrd_ros.studies.table_tennis.robustness import robustness_conditions
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 TRAINING_SEED, EVALUATION_SEED, ROBUSTNESS_SEED = 1000, 4000, 5000
@@ -203,7 +205,9 @@ class Study:
         result: dict[str, Any] = {}
         repertoire: Repertoire
         if method is Method.OPEN_LOOP:
-            groups = {label: [e for e in self.data.training if e.label == label] for label in ALL_LABELS}
+            groups: dict[StrategyLabel, list[Episode]] = {
+                label: [e for e in self.data.training if e.label == label] for label in ALL_LABELS
+            }
             repertoire = ReplayedMotions(groups)
         else:
             learned = self._learned(method, seed)

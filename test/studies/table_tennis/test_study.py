@@ -12,7 +12,6 @@ import pytest
 from scipy.stats import friedmanchisquare
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, HORIZON, Episode
-from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.rewards import RewardForm
@@ -33,6 +32,8 @@ from msrd_ros.studies.table_tennis.undone import undo_return, untouched_path
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, WIDE, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 from quick_studies import play
 
 pytestmark = pytest.mark.slow
