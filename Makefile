@@ -53,7 +53,7 @@ test: lint  ## Check style and types, run all tests
 docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
-	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 30 $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
 	$(BIN)/python -m pytest --cov --cov-report term:skip-covered $(PYTEST_ARGS)

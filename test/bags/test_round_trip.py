@@ -13,7 +13,7 @@ from mcap_doctor import examine
 from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.schemas import serialise
 from msrd_ros.bags.writer import keep_stroke
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import BagMessage
 from synthetic_strokes import at_root, ball_position, header, make, topics_of
 
@@ -46,7 +46,7 @@ def messages(draw: st.DrawFn, label: StrategyLabel) -> list[BagMessage]:
 @settings(max_examples=50)
 @given(
     data=st.data(),
-    label=st.sampled_from(ALL_LABELS),
+    label=st.sampled_from(["forehand-push", "my-smash", "x"]).map(StrategyLabel),
     subject=st.from_regex(r"[a-z0-9]{1,20}", fullmatch=True),
 )
 def test_what_is_written_is_read(data: st.DataObject, label: StrategyLabel, subject: str) -> None:

@@ -6,10 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import FRAME_NAMES, StrategyLabel
 from msrd_ros.core.errors import UserError
 
-KNOWN = st.sampled_from(ALL_LABELS)
+KNOWN = (
+    st.from_regex(r"[a-z0-9-]{1,64}", fullmatch=True)
+    .filter(lambda text: text not in FRAME_NAMES)
+    .map(StrategyLabel)
+)
 
 
 @given(KNOWN)
@@ -18,7 +22,14 @@ def test_what_is_written_is_read(label: StrategyLabel) -> None:
     assert StrategyLabel.parse_optional(str(label)) == label
 
 
-@given(st.one_of(st.text(), KNOWN.map(lambda label: f"{label}\n"), KNOWN.map(lambda label: f"../{label}")))
+@given(
+    st.one_of(
+        st.text(),
+        st.sampled_from(sorted(FRAME_NAMES)),
+        KNOWN.map(lambda label: f"{label}\n"),
+        KNOWN.map(lambda label: f"../{label}"),
+    )
+)
 def test_any_text_is_a_label_as_it_stands_or_refused_in_one_line(text: str) -> None:
     found = StrategyLabel.parse_optional(text)
     if found is not None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from msrd_ros.robots.kinematics import link_frames, paddle_pose
 from msrd_ros.robots.rotations import quaternion_from_rotation
-from msrd_ros.robots.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD
 from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm
+from sawyer import ARM, JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT
 
 POSTURES = st.tuples(
     *(
@@ -32,16 +32,16 @@ def client() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def arm(client: int) -> BulletArm:
-    return BulletArm(client)
+    return BulletArm(client, ROBOT)
 
 
 @given(posture=POSTURES)
 def test_bullet_agrees(client: int, arm: BulletArm, posture: tuple[float, ...]) -> None:
     joints = np.array(posture)
     arm.place(joints)
-    origins, rotations = link_frames(joints)
-    paddle, blade = paddle_pose(joints)
-    frames = [*zip(JOINT_NAMES, origins, rotations, strict=True), ("right_paddle", paddle, blade)]
+    origins, rotations = link_frames(ARM, joints)
+    paddle, blade = paddle_pose(ARM, joints)
+    frames = [*zip(JOINT_NAMES, origins, rotations, strict=True), ("paddle_mount", paddle, blade)]
     for name, position, rotation in frames:
         state = pybullet.getLinkState(
             arm.body, arm.links[name], computeForwardKinematics=1, physicsClientId=client
