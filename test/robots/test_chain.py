@@ -1,9 +1,8 @@
-"""Any serial arm becomes a chain: Bullet, from the URDF alone, puts it in the same place with the same forces."""
+"""Any serial arm becomes a chain: Bullet, from the URDF alone, puts it there too and with the same forces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
