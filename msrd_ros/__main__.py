@@ -23,7 +23,7 @@ class Command(NamedTuple):
 
 
 EXECUTABLES: dict[str, Command] = {
-    "simulator": Command("msrd_ros.nodes.simulator", "Sawyer, table, ball, feeder and referee in PyBullet"),
+    "simulator": Command("msrd_ros.nodes.simulator", "arm, table, ball, feeder and referee in PyBullet"),
     "demonstrator": Command("msrd_ros.nodes.demonstrator", "teachers who lead the arm by the hand"),
     "recorder": Command("msrd_ros.nodes.recorder", "keep strokes that returned the ball as MCAP bags"),
     "player": Command("msrd_ros.nodes.player", "replay bags onto the topics"),
@@ -36,6 +36,7 @@ EXECUTABLES: dict[str, Command] = {
 
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
+    "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
     "demo": Command("msrd_ros.demo.stages", "the whole stack: teach, record, replay, train, play, report"),
 }
 

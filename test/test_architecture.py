@@ -58,7 +58,7 @@ ROOMS = {
     "contract": Room({"core", "robots"}, _GROUND),
     "bags": Room({"core", "robots", "contract"}, ROS | BULLET | TORCH | DRAWING),
     "learning": Room({"core"}, ROS | BULLET | BAGS | DRAWING),
-    "table_tennis/ball": Room({"core", "robots", "contract"}, _GROUND),
+    "table_tennis/ball": Room({"core", "contract"}, _GROUND),
     "table_tennis/arm": Room({"core", "robots", "contract", "table_tennis/ball"}, _GROUND),
 }
 ROOMS["table_tennis/simulation"] = Room(

@@ -26,10 +26,12 @@ from msrd_ros.nodes.common import (
     Finished,
     StackNode,
     referee_hears,
+    robot_parameter,
     run,
     steady_timer,
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rates import LabelRates, format_table
@@ -39,6 +41,7 @@ from msrd_ros.table_tennis.strokes.rates import LabelRates, format_table
 class EvaluatorConfig:
     """Parameters of the evaluator."""
 
+    robot: str = robot_parameter()
     labels: list[str] = parameter([str(label) for label in ALL_LABELS], "Strategies to play")
     balls: int = parameter(100, "Balls per strategy", low=1, high=100_000)
     seed: int = parameter(0, "Seed of the feeds", low=0)
@@ -87,7 +90,7 @@ class Evaluator(StackNode):
     def _read_landing_points(self) -> dict[StrategyLabel, np.ndarray]:
         if not self.config.checkpoint:
             return {}
-        facts = StrokePolicies.load(Path(self.config.checkpoint)).facts
+        facts = StrokePolicies.load(Path(self.config.checkpoint), load_robot(self.config.robot)).facts
         return {label: fact.landing_point for label, fact in facts.items()}
 
     @property

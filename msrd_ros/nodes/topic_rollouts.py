@@ -99,7 +99,7 @@ class TopicCollector:
             self._wait(self._taken_up, f"the executor does not take up strategy {stroke.label}")
             self._decided.clear()
             self._outcome = None
-            self._assembler = EpisodeAssembler(stroke.label)
+            self._assembler = EpisodeAssembler(stroke.label, robot=batch.policies.robot)
             self._feed.publish(feed_to_message(stroke.feed))
             self._wait(self._decided, f"no rally/outcome for ball {stroke.number} ({stroke.label})")
             assembler, self._assembler = self._assembler, None

@@ -21,13 +21,24 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.rollouts import Collector
-from msrd_ros.nodes.common import EVENT, LATCHED, Finished, StackNode, run, status, steady_timer
+from msrd_ros.nodes.common import (
+    EVENT,
+    LATCHED,
+    Finished,
+    StackNode,
+    robot_parameter,
+    run,
+    status,
+    steady_timer,
+)
 from msrd_ros.nodes.messages import bytes_to_message
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
+from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
@@ -52,6 +63,7 @@ class TrainerConfig:
         choices=("folder", "played"),
     )
     bags: str = parameter("", "Folder of bags; empty takes the small set that the package ships")
+    robot: str = robot_parameter()
     labels: list[str] = parameter([], "Strategies to learn; empty takes all that are demonstrated")
     subjects: list[str] = parameter([], "Subjects to learn from; empty takes all")
     wanted: int = parameter(
@@ -136,6 +148,7 @@ class Trainer(StackNode):
     def __init__(self) -> None:
         super().__init__("trainer", TrainerConfig)
         config = self.config
+        self._robot = load_robot(config.robot)
         self._out = _prepare_out(Path(config.out).expanduser())
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
         self._episodes: list[Episode] = []
@@ -153,7 +166,7 @@ class Trainer(StackNode):
         torch.set_num_threads(config.torch_threads)
         self._played: PlayedBags | None = None
         if config.source == "played":
-            self._played = PlayedBags(self, self._take, self._refuse)
+            self._played = PlayedBags(self, self._robot, self._take, self._refuse)
             self.get_logger().info(f"ready: waiting for {config.wanted} demonstrations of each label")
         else:
             self._read_bags()
@@ -183,7 +196,7 @@ class Trainer(StackNode):
             self.get_logger().warning(f"left out: {line}")
         chosen = library.select(self._labels, self.config.subjects)
         for info in tqdm(chosen, unit="bag", desc="read"):
-            self._episodes += read_episodes(Bag(info.path))
+            self._episodes += read_episodes(Bag(info.path), self._robot)
         self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}")
 
     def _take(self, episode: Episode) -> None:
@@ -248,7 +261,9 @@ class Trainer(StackNode):
     def _make_collector(self) -> Collector | None:
         config = self.config
         if config.rollouts == "bullet":
-            self._players = BulletPlayers(config.workers, WorldConfig(seed=config.seed))
+            self._players = BulletPlayers(
+                config.workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed)
+            )
             return BulletCollector(
                 self._players, self._present_policies, config.spread, config.ready_noise_rad
             )

@@ -31,13 +31,17 @@ class Track(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = gymnasium.spaces.Box(-strength, strength, (1,), np.float32)
         self._strength, self._breaks_at = strength, breaks_at
 
-    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[NDArray[np.float32], dict]:
+    def reset(
+        self, *, seed: int | None = None, options: Any = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         super().reset(seed=seed)
         self._state = self.np_random.normal(scale=(0.3, 0.1))
         self._steps = 0
         return self._state.astype(np.float32), {}
 
-    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict]:
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         position, speed = self._state
         speed = 0.9 * speed + 0.3 * float(np.clip(action[0] / self._strength, -1.0, 1.0))
         self._state = np.array([position + 0.2 * speed, speed])

@@ -11,6 +11,7 @@ from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ROBOT
 
 HIDDEN = 8
 
@@ -32,7 +33,7 @@ def made_up_policies(
         Of the weights.
     """
     rng = np.random.default_rng(seed)
-    layout = stroke_layout(labels)
+    layout = stroke_layout(ROBOT, labels)
     count, seen, said = len(labels), len(layout.observation_names), len(layout.action_names)
     tensors = {
         "weight/0": rng.normal(size=(count, seen, HIDDEN)).astype(np.float32),

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import (
     ACTING_STEPS,
-    ACTION_NAMES,
-    BALL_INPUTS,
+    BALL_NAMES,
     FIRST_ACTING_STEP,
-    OBSERVATION_NAMES,
     Episode,
+    action_names,
 )
 from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.core.errors import UserError
@@ -28,7 +27,6 @@ from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
-from msrd_ros.robots.sawyer import JOINT_NAMES
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.batched import (
     KinematicRallies,
@@ -104,21 +102,21 @@ def gather_demonstrations(episodes: Sequence[Episode]) -> Demonstrations:
         for label in ALL_LABELS
         if any(episode.label == label for episode in episodes)
     }
-    most = max(map(len, by_label.values()))
+    most, robot = max(map(len, by_label.values())), episodes[0].robot
     horizon = len(episodes[0].joint_position) - 1 - FIRST_ACTING_STEP
-    observations = np.zeros((len(by_label), most, horizon + 1, len(OBSERVATION_NAMES)))
-    actions = np.zeros((len(by_label), most, ACTING_STEPS, len(ACTION_NAMES)))
+    observations = np.zeros((len(by_label), most, horizon + 1, episodes[0].observations.shape[1]))
+    actions = np.zeros((len(by_label), most, ACTING_STEPS, robot.joint_count))
     lengths = np.zeros((len(by_label), most), dtype=np.int64)
     for row, group in enumerate(by_label.values()):
         for column, episode in enumerate(group):
             observations[row, column] = episode.observations[FIRST_ACTING_STEP:]
             actions[row, column] = episode.actions[FIRST_ACTING_STEP : FIRST_ACTING_STEP + ACTING_STEPS]
             lengths[row, column] = horizon
-    return Demonstrations(observations, actions, stroke_layout(tuple(by_label)), lengths)
+    return Demonstrations(observations, actions, stroke_layout(robot, tuple(by_label)), lengths)
 
 
 def ready_poses(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDArray[np.float64]]:
-    """Mean posture (7,) in rad in which the episodes of each label begin."""
+    """Mean posture (N,) in rad in which the episodes of each label begin."""
     labels = dict.fromkeys(label for label in ALL_LABELS if any(e.label == label for e in episodes))
     return {
         label: np.mean([e.joint_position[0] for e in episodes if e.label == label], axis=0)
@@ -158,6 +156,8 @@ class StrokeTraining:
         Strategies, in the order of all arrays.
     reward_groups
         Names of the strategy rewards, in their order.
+    robot
+        The arm that was taught, of N joints.
     """
 
     def __init__(
@@ -171,6 +171,7 @@ class StrokeTraining:
             raise UserError(f"method {config.method!r} is unknown; use one of {', '.join(METHODS)}")
         self.config = config
         self.demonstrations = gather_demonstrations(episodes)
+        self.robot = episodes[0].robot
         poses = ready_poses(episodes)
         self.labels = tuple(poses)
         nowhere = np.full(2, np.nan)
@@ -178,8 +179,7 @@ class StrokeTraining:
             label: StrokeFacts(pose, landing_points.get(label, nowhere)) for label, pose in poses.items()
         }
         self.simulator = self._make_simulator(config.seed)
-        ball_names = tuple(OBSERVATION_NAMES[column] for column in BALL_INPUTS)
-        settings = table_tennis(ball_names, JOINT_NAMES)
+        settings = table_tennis(BALL_NAMES, self.robot.joint_names)
         owned = [REWARD_GROUPS[config.strategy_rewards](label) for label in self.labels]
         self.reward_groups = tuple(dict.fromkeys(owned))
         shared = (
@@ -194,7 +194,7 @@ class StrokeTraining:
             reward=replace(settings.reward, reward_groups=shared),
         )
         if config.corrective_cloning:
-            settings = with_recovery_labels(settings, JOINT_NAMES, ACTION_NAMES)
+            settings = with_recovery_labels(settings, self.robot.joint_names, action_names(self.robot))
         make = MSRD if config.method == "msrd" else airl_per_strategy
         self.trainer = make(
             settings, self.demonstrations, collector or BatchedCollector(self.simulator), config.seed
@@ -206,7 +206,9 @@ class StrokeTraining:
         variation = RallyVariation(
             SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m, config.camera_latency_s
         )
-        return KinematicRallies(plans, KinematicRalliesConfig(variation=variation, threads=config.threads))
+        return KinematicRallies(
+            plans, KinematicRalliesConfig(variation=variation, threads=config.threads, robot=self.robot)
+        )
 
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:
         """The present policies, as the executor plays them."""
@@ -217,7 +219,7 @@ class StrokeTraining:
             "iterations": self.trainer.iterations_done,
         }
         exported = export_policies(self.trainer.policies, self.trainer.layout, details)
-        return StrokePolicies(exported, self._facts, exploration_seed)
+        return StrokePolicies(exported, self._facts, exploration_seed, robot=self.robot)
 
     def evaluate(
         self, balls: int, rng: np.random.Generator
@@ -239,7 +241,7 @@ class StrokeTraining:
         Parameters
         ----------
         observations
-            Shape (M, T + 1, 13).
+            Shape (M, T + 1, N + 6).
         strategy
             Row whose network R0 is read next to; R0 is the same for all.
 
@@ -255,7 +257,7 @@ class StrokeTraining:
         stacked = torch.as_tensor(observations, dtype=torch.float32)[None].expand(
             len(self.labels), -1, -1, -1
         )
-        actions = torch.zeros(len(self.labels), count, min(ACTING_STEPS, steps), len(ACTION_NAMES))
+        actions = torch.zeros(len(self.labels), count, min(ACTING_STEPS, steps), self.robot.joint_count)
         with torch.no_grad():
             values = self.trainer.averaged_rewards(Transitions.of(stacked, actions))
         task = values.task[strategy].reshape(count, steps).sum(dim=1)

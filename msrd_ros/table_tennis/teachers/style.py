@@ -91,7 +91,7 @@ class Style:
     slip: float
 
     @classmethod
-    def draw(cls, config: PopulationConfig, rng: np.random.Generator) -> Style:
+    def draw(cls, config: PopulationConfig, joints: int, rng: np.random.Generator) -> Style:
         """A teacher from the population."""
 
         def normal(sd: float) -> float:
@@ -107,7 +107,8 @@ class Style:
             push_spin_rad_s=normal(config.push_spin_rad_s),
             swing=float(rng.uniform(config.swing_shortest, config.swing_longest)),
             ready_rad={
-                label: config.ready_rad * np.clip(rng.standard_normal(7), -2.0, 2.0) for label in ALL_LABELS
+                label: config.ready_rad * np.clip(rng.standard_normal(joints), -2.0, 2.0)
+                for label in ALL_LABELS
             },
             skill=float(rng.uniform(config.skill_least, 1.0)),
             slip=float(rng.uniform(config.slip_least, config.slip_most)),

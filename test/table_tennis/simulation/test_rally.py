@@ -16,6 +16,7 @@ from msrd_ros.robots.quintic import JointStroke
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ROBOT
 
 PERIOD_S = 0.02
 READY = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
@@ -50,7 +51,7 @@ def _record(rally: Rally, seed: int, chunk_s: float = PERIOD_S) -> np.ndarray:
     for step in range(60):
         if step % 5 == 0:
             wish = rng.normal(size=7) * 1.5
-        reference = shape_command(reference, wish, PERIOD_S)
+        reference = shape_command(ROBOT, reference, wish, PERIOD_S)
         rally.command(*reference, PERIOD_S)
         for _ in range(round(PERIOD_S / chunk_s)):
             rally.advance(chunk_s)

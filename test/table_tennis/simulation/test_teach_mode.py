@@ -18,6 +18,7 @@ from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
 from msrd_ros.table_tennis.teachers.impedance_guidance import leading_hand
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ARM, ROBOT
 
 TICK_S = 0.004
 PLAYING_POSTURE = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
@@ -46,8 +47,9 @@ def _lead_through(rally: Rally, stroke: JointStroke, skill: float) -> tuple[floa
     while rally.time - began < stroke.end_time_s:
         state = stroke.at(rally.time - began)
         position, quaternion, twist = leading_hand(
+            ARM,
             *state,
-            np.array(grip.joint_damping_nm_s),
+            np.array(ROBOT.floating.joint_damping_nm_s),
             grip.stiffness_n_m,
             grip.turn_stiffness_nm,
             skill,
@@ -57,7 +59,7 @@ def _lead_through(rally: Rally, stroke: JointStroke, skill: float) -> tuple[floa
         rally.lead_hand(position, quaternion, twist[:3], twist[3:])
         rally.advance(TICK_S)
         if abs(rally.time - began - stroke.hit_time_s) <= TICK_S / 2:
-            wanted, rotation = paddle_pose(stroke.at(rally.time - began).position)
+            wanted, rotation = paddle_pose(ARM, stroke.at(rally.time - began).position)
             turn = turn_between(rally.paddle.rotation, rotation)
             off = float(np.linalg.norm(rally.paddle.position - wanted)), float(np.linalg.norm(turn))
     return off
