@@ -21,7 +21,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format clean
+.PHONY: help venv demo test docs lint format clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -41,7 +41,7 @@ $(STAMP): setup.py constraints.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) || { echo "make: $(PYTHON) cannot make environments: install its venv module (Debian, Ubuntu: python3-venv)" >&2; exit 2; }
 	@echo '*' > $(VENV)/.gitignore
 	@echo "Installing into $(VENV): one or two minutes; on Python 3.12 more, where pybullet compiles"
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[test,studies]'
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[test,studies,docs]'
 	@touch $@
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report in OUT
@@ -49,6 +49,9 @@ demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report
 
 test: lint  ## Check style and types, run all tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff check

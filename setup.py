@@ -41,6 +41,9 @@ if os.environ.get("ROS_DISTRO"):
 else:
     MIDDLEWARE = ["numpy>=1.26", "ros-jazzy-rclpy[fastrtps]>=7.1,<8", "ros-jazzy-common-interfaces>=5.3,<6"]
 
+# Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
+MINARI = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5"]
+
 setup(
     name=NAME,
     version=read_version(),
@@ -78,10 +81,16 @@ setup(
         "tqdm>=4.65",
     ],
     extras_require={
+        "environments": ["gymnasium>=1.0"],
+        "examples": ["gymnasium[box2d]>=1.1"],
+        "minari": MINARI,
+        "docs": ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"],
         "studies": ["gymnasium[mujoco]>=1.0", "mujoco>=3.1"],
         "test": [
             "colcon-common-extensions>=0.3",
+            "gymnasium[box2d]>=1.1",
             "mcap-ros2-support>=0.5",
+            *MINARI,
             "mypy>=1.11",
             "pytest>=8",
             "pytest-timeout>=2.3",

@@ -85,7 +85,7 @@ def _run(name: str, arguments: list[str]) -> int:
             raise
         raise UserError(
             f"the Python package {missing!r} is missing for {sys.executable}; "
-            "install it as README.md says under Installing"
+            "install it as README.md says under Install"
         ) from error
     return int(module.main(arguments))
 

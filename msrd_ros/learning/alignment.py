@@ -11,7 +11,9 @@ Trajectory = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Observations ``[n, O]`` and actions ``[m, A]``, n and m about equal."""
 
 SHIFTS = (0, 1, -1, 2, -2)
-MOST_SAMPLES = 20_000
+LEAST_SAMPLES, MOST_SAMPLES = 80, 20_000
+MOST_PRODUCTS = 300
+"""Of action and state columns; with more, actions count as if they did the same in every state."""
 CLEAR = 1.5
 """How much more another shift has to explain before it is believed."""
 LEAST_EXPLAINED = 0.02
@@ -29,7 +31,7 @@ def explained_by_actions(trajectories: Sequence[Trajectory], shift: int) -> floa
     parts = [_aligned(*trajectory, shift) for trajectory in trajectories]
     before, after, action = (np.concatenate([part[index] for part in parts]) for index in range(3))
     acted_at = np.concatenate([part[3] for part in parts])
-    if len(before) < 8:
+    if len(before) < LEAST_SAMPLES:
         return 0.0
     stride = -(-len(before) // MOST_SAMPLES)
     before, after, action, acted_at = (array[::stride] for array in (before, after, action, acted_at))
@@ -37,9 +39,10 @@ def explained_by_actions(trajectories: Sequence[Trajectory], shift: int) -> floa
     change = change - _fit(_curved(_standard(before)), change, slice(None))
     surprise = _standard(action)
     surprise = surprise - _fit(_curved(_standard(acted_at)), surprise, slice(None))
-    state = _standard(before)
-    mixed = (surprise[:, :, None] * state[:, None, :]).reshape(len(state), -1)
-    inputs = np.concatenate([surprise, np.abs(surprise), mixed], axis=1)
+    inputs = np.concatenate([surprise, np.abs(surprise)], axis=1)
+    if before.shape[1] * action.shape[1] <= MOST_PRODUCTS:
+        mixed = surprise[:, :, None] * _standard(before)[:, None, :]
+        inputs = np.concatenate([inputs, mixed.reshape(len(inputs), -1)], axis=1)
     left = change - _fit(inputs, change, slice(0, None, 2))
     total, rest = np.square(change[1::2]).sum(axis=0), np.square(left[1::2]).sum(axis=0)
     shares = 1.0 - rest / np.maximum(total, 1e-12 * len(change))
@@ -76,7 +79,7 @@ def _standard(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _curved(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Random tanh features beside the values themselves."""
     rng = np.random.default_rng(0)
-    count = min(100, max(4, len(values) // 20))
+    count = min(300, max(4, len(values) // 20))
     weights = rng.normal(size=(values.shape[1], count)) / np.sqrt(values.shape[1])
     return np.concatenate([values, np.tanh(2.0 * values @ weights + rng.normal(size=count))], axis=1)
 

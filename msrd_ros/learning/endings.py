@@ -86,20 +86,26 @@ def require_usable(rollouts: Rollouts, layout: Layout) -> None:
     UserError
         Naming the column, the strategy and the step.
     """
+    found: list[tuple[int, str]] = []
     for kind, names, values in (
-        ("action", layout.action_names, rollouts.actions),
         ("observation", layout.observation_names, rollouts.observations),
+        ("action", layout.action_names, rollouts.actions),
     ):
         if values.shape[-1] != len(names):
             raise UserError(f"rollouts: {values.shape[-1]} {kind} columns instead of {', '.join(names)}")
         bad = ~np.isfinite(values)
         if bad.any():
-            strategy, episode, step, column = (int(index) for index in np.argwhere(bad)[0])
+            places = np.argwhere(bad)
+            strategy, episode, step, column = (int(n) for n in places[places[:, 2].argmin()])
             value = values[strategy, episode, step, column]
-            raise UserError(
+            text = (
                 f"rollout of strategy {layout.labels[strategy]!r}, episode {episode}, step {step}: {kind} "
                 f"{names[column]!r} is {value}{_history(kind, rollouts, strategy, episode, step)}"
             )
+            found.append((step, text))
+    if found:
+        # Whichever came first: an observation that is no number makes the action so, and the other way round.
+        raise UserError(min(found, key=lambda item: item[0])[1])
 
 
 def _history(kind: str, rollouts: Rollouts, strategy: int, episode: int, step: int) -> str:

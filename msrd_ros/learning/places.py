@@ -75,7 +75,8 @@ def find_place(environment: Any, demonstrations: Demonstrations) -> Place:
         If it is none of these, or its columns are not those of the demonstrations.
     """
     if hasattr(environment, "collect"):
-        return Place(environment)
+        curve: list[list[float]] = []
+        return Place(Noted(environment, curve), curve=curve)
     if not isinstance(environment, GymEnvironment):
         if hasattr(environment, "acting_steps") and hasattr(environment, "reset"):
             names = tuple(environment.observation_names), tuple(environment.action_names)
@@ -115,12 +116,9 @@ def _gym_place(environment: GymEnvironment, demonstrations: Demonstrations) -> P
     low, high = environment.action_bounds
     _warn_of_bounds(layout, acted, low, high)
     scale = ActionScale.of(low, high, acted)
-    place = Place(
-        GymCollector(environment.copy(scale=scale)),
-        GymCollector(environment.copy(autoreset=True, scale=scale)),
-        scale,
-    )
-    return Place(Noted(place.collector, place.curve), place.autoreset, scale, place.curve)
+    again = GymCollector(environment.copy(autoreset=True, scale=scale))
+    curve: list[list[float]] = []
+    return Place(Noted(GymCollector(environment.copy(scale=scale)), curve), again, scale, curve)
 
 
 def _require_columns(

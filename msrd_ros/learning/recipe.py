@@ -15,10 +15,16 @@ from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 
 
-def default_config() -> MSRDConfig:
+def default_config(restarts: bool = True) -> MSRDConfig:
     """Settings for a new task; change single values with `dataclasses.replace`.
 
     Actions are in units of their range: standard deviations are shares of half of it.
+
+    Parameters
+    ----------
+    restarts
+        Whether some bad examples are played where an episode that ended starts again; environments of
+        Gymnasium can.
     """
     return MSRDConfig(
         iterations=40,
@@ -42,13 +48,20 @@ def default_config() -> MSRDConfig:
             centre_log_prob=True,
             log_prob_bounds=(-10.0, 10.0),
         ),
-        # Once nobody fails any more, R0 would forget what failing is: half of the negatives are old or bad.
-        replay=ReplayConfig(keep=512, replay_share=0.25, snapshot_share=0.25),
+        # Generators that start near the demonstrators stay there: only bad examples, from nearly right to
+        # hopeless, show what R0 is about, and once nobody fails any more R0 would forget them.
+        replay=ReplayConfig(keep=512, replay_share=0.15, snapshot_share=0.6),
         policy=PolicyConfig(hidden=(64, 64), std=0.2, std_min=0.05, std_max=0.3),
         # Policies that run ahead of the rewards lose the contrast with the demonstrations.
         trust_region=TrustRegionConfig(kl=0.01, kl_end=0.2),
         value=ValueConfig(hidden=(64, 64), steps=20, sees_time=False, bootstrap=True),
         cloning=CloningConfig(
-            steps=1500, batch=256, snapshots=(0, 40, 160, 320), noise_levels=(0.5, 1.0), snapshot_episodes=2
+            steps=1500,
+            batch=256,
+            snapshots=(0, 40, 160, 320),
+            noise_levels=(0.6, 1.0, 1.5, 2.0),
+            # Pure chance soon ends its episode; only where it starts again is more seen of it than the end.
+            restarts=(3.0, 3.0) if restarts else (),
+            snapshot_episodes=2,
         ),
     )

@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.translation import NANOSECONDS, stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
@@ -49,6 +49,7 @@ from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
 from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import RallyConfig
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig, compile_ahead
+from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE, SIDE_HELP, STRATEGIES_HELP, Side, Strategies
 
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25
@@ -69,6 +70,8 @@ class SimulatorConfig:
     gui: bool = parameter(False, "Show Bullet's window")
     seed: int = parameter(0, "Seed of the camera's noise and of ~/serve", low=0)
     spread: str = parameter("standard", "Spread of the feeds of ~/serve", choices=tuple(SPREADS))
+    strategies: str = parameter("", STRATEGIES_HELP)
+    side: str = parameter(DEFAULT_SIDE.value, SIDE_HELP, choices=tuple(Side))
     camera_rate_hz: float = parameter(200.0, "Frames of the camera", unit="Hz", low=1.0, high=1000.0)
     camera_noise_m: float = parameter(
         0.001, "Standard deviation of each coordinate", unit="m", low=0.0, high=0.1
@@ -94,6 +97,7 @@ class Simulator(StackNode):
     def __init__(self) -> None:
         super().__init__("simulator", SimulatorConfig)
         config = self.config
+        self._strategies = Strategies.load(config.strategies)
         camera = CameraConfig(
             config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
         )
@@ -255,7 +259,8 @@ class Simulator(StackNode):
         return response
 
     def _on_serve(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        side = self._world.strategy.side if self._world.strategy else Side.FOREHAND
+        strategy = self._world.strategy
+        side = (self._strategies.of(strategy).side if strategy else None) or Side(self.config.side)
         self._world.feed(self._feeder.sample(side, SPREADS[self.config.spread], self._serve_rng))
         response.success, response.message = True, f"a ball to the {side.value} is coming"
         return response

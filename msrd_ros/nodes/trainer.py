@@ -16,10 +16,11 @@ from tqdm import tqdm
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.harness import Harness, Schedule
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.nodes.common import (
     EVENT,
@@ -40,9 +41,10 @@ from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
+from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
-from msrd_ros.table_tennis.strokes.run import RunConfig, TrainingRun
+from msrd_ros.table_tennis.strokes.run import RunTask, training_run
 from msrd_ros.table_tennis.strokes.training import (
     METHODS,
     POLICIES_FILE,
@@ -65,9 +67,13 @@ class TrainerConfig:
     bags: str = parameter("", "Folder of bags; empty takes the small set that the package ships")
     robot: str = robot_parameter()
     labels: list[str] = parameter([], "Strategies to learn; empty takes all that are demonstrated")
+    strategies: str = parameter("", STRATEGIES_HELP)
     subjects: list[str] = parameter([], "Subjects to learn from; empty takes all")
     wanted: int = parameter(
-        9, "played: demonstrations per label after which training starts by itself", low=1, high=10_000
+        9,
+        "played: demonstrations of each of `labels`, or of all listed strategies, that start training",
+        low=1,
+        high=10_000,
     )
     idle_start_s: float = parameter(
         0.0,
@@ -78,7 +84,7 @@ class TrainerConfig:
     )
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
-    method: str = parameter("msrd", "Learning method", choices=METHODS)
+    method: str = parameter("msrd", "Learning method", choices=tuple(METHODS))
     iterations: int = parameter(
         StrokeTrainingConfig.iterations,
         "Iterations over all strategies",
@@ -95,7 +101,7 @@ class TrainerConfig:
     )
     strategy_rewards: str = parameter(
         StrokeTrainingConfig.strategy_rewards,
-        "Whose a strategy reward is: every label's own, or shared by forehand and backhand of a stroke",
+        "Whose a strategy reward is: every label's own, or shared by both sides of a stroke",
         choices=tuple(REWARD_GROUPS),
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
@@ -151,12 +157,13 @@ class Trainer(StackNode):
         self._robot = load_robot(config.robot)
         self._out = _prepare_out(Path(config.out).expanduser())
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
+        self._strategies = Strategies.load(config.strategies)
         self._episodes: list[Episode] = []
         self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
         self._thread: threading.Thread | None = None
-        self._run: TrainingRun | None = None
+        self._run: Harness | None = None
         self._failure: BaseException | None = None
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
@@ -205,7 +212,7 @@ class Trainer(StackNode):
         self._episodes.append(episode)
         self._heard_s = time.monotonic()
         counts = self._counts()
-        fewest = min(counts[label] for label in self._labels or ALL_LABELS)
+        fewest = min(counts[label] for label in self._labels or self._strategies.labels)
         self.get_logger().info(
             f"demonstration {len(self._episodes)}: {episode.label}; {fewest} of {self.config.wanted} of each"
         )
@@ -244,15 +251,21 @@ class Trainer(StackNode):
             strategy_rewards=config.strategy_rewards,
         )
         self._training = StrokeTraining(
-            self._episodes, mean_landing_points(self._episodes), settings, self._make_collector()
-        )
-        self._run = TrainingRun(
-            self._training,
             self._episodes,
-            RunConfig(self._out, config.evaluate_every, config.evaluation_balls, config.checkpoint_every),
+            mean_landing_points(self._episodes),
+            settings,
+            self._make_collector(),
+            self._strategies,
+        )
+        task = RunTask(
+            self._training,
+            config.evaluation_balls,
+            self._episodes,
+            self._out,
             self._publish_policies,
             self._publish_progress,
         )
+        self._run = training_run(task, Schedule(config.evaluate_every, config.checkpoint_every, self._out))
         if config.resume:
             self.get_logger().info(f"goes on from iteration {self._run.resume()} of {self._out}")
         self._thread = threading.Thread(target=self._train, args=(self._run,), name="training")
@@ -277,10 +290,10 @@ class Trainer(StackNode):
         assert self._training is not None
         return self._training.policies()
 
-    def _train(self, training_run: TrainingRun) -> None:
+    def _train(self, training: Harness) -> None:
         """Body of the thread: whatever goes wrong reaches the main thread."""
         try:
-            training_run.run()
+            training.run()
         except BaseException as error:  # handed on to the main thread, which raises it
             self._failure = error
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.schemas import deserialise, serialise
 from msrd_ros.bags.strokes import Stroke
-from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import RETURNED
 from msrd_ros.contract.topics import BALL_POSITION, CONTRACT, FEED, JOINT_STATES, STRATEGY, BagMessage
 from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
@@ -125,11 +124,8 @@ def _with_frame(data: bytes, frame_id: str) -> bytes:
 
 def _conflicting_label(stroke: Stroke) -> str:
     for message in stroke.messages:
-        if message.topic in (JOINT_STATES, STRATEGY):
-            text = read_frame_id(message.data)
-            label = StrategyLabel.parse_optional(text)
-            if label not in (None, stroke.label) or (message.topic == STRATEGY and label is None):
-                return f"{message.topic} says {text!r}, the stroke is {stroke.label}"
+        if message.topic == STRATEGY and read_frame_id(message.data) != stroke.label:
+            return f"{STRATEGY} says {read_frame_id(message.data)!r}, the stroke is {stroke.label}"
     return ""
 
 

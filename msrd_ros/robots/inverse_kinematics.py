@@ -161,9 +161,9 @@ def reach_blade(
     posture_pull: float = 0.1,
     steps: int = 100,
 ) -> Reached:
-    """Joint angles that put the blade's centre at `position` with the forehand face along `normal` (3,).
+    """Joint angles that put the blade's centre at `position` with the front face along `normal` (3,).
 
-    For the backhand pass the opposite of the direction that its face shall look to. How the handle stands
+    For the back face pass the opposite of the direction that its face shall look to. How the handle stands
     about the normal is left to `posture`. Other parameters as in `reach_pose`.
     """
     favourite = start if posture is None else posture

@@ -66,7 +66,7 @@ def place_paddle(arm: Arm, joint_position: Array, position: Array, rotation: Arr
         Filled with the blade's centre in m, shape (3,).
     rotation
         Filled with its rotation, shape (3, 3): columns are its axes in `world`; column 1 is
-        the normal of the forehand face, column 2 points along the handle to the blade.
+        the normal of the front face, column 2 points along the handle to the blade.
     """
     count = len(arm[0].speed)
     _place_at_base(arm, position, rotation)
@@ -88,7 +88,7 @@ def place_moving_paddle(arm: Arm, joint_position: Array, joint_velocity: Array, 
     joint_position, joint_velocity
         Shape (N,), rad and rad/s.
     paddle
-        Filled with blade centre (m), normal of the forehand face, velocity of the centre (m/s) and angular
+        Filled with blade centre (m), normal of the front face, velocity of the centre (m/s) and angular
         velocity (rad/s), shape (12,).
     """
     count = len(arm[0].speed)

@@ -257,10 +257,8 @@ def test_what_is_refused_says_why() -> None:
     assert judge([m for m in good if m.topic != "ball/position"]).reason == Refusal.NO_BALL
     assert judge([m for m in good if m.topic != "joint_states"]).reason == Refusal.NO_JOINT_STATES
     conflict = [
-        m._replace(data=joint_state(m.log_time_ns, "forehand-slice"))
-        if m.topic == "joint_states" and n > 600
-        else m
-        for n, m in enumerate(good)
+        m._replace(data=outcome(m.log_time_ns, "forehand-slice")) if m.topic == "rally/outcome" else m
+        for m in good
     ]
     verdict = judge(conflict)
     assert verdict.reason == Refusal.LABEL_CONFLICT

@@ -12,7 +12,6 @@ from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import JointState
 
 from msrd_ros.contract.episode import action_to_velocity, observation_names
-from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.translation import (
     BallTracker,
@@ -34,6 +33,8 @@ from msrd_ros.nodes.messages import (
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 from sawyer import JOINT_NAMES, POSITION_UPPER_RAD, ROBOT, SPEED_LIMIT_RAD_S
 
 LABEL = ALL_LABELS[2]

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.demonstration_sets import demonstrations_from_arrays
+from msrd_ros.learning.learned import Learned
+from msrd_ros.learning.recipe import default_config
+from msrd_ros.learning.training import train
 from msrd_ros.learning.trajectories import Demonstrations
 
 NAMES = ("position", "speed")
@@ -80,3 +85,16 @@ def track_demonstrations(
     """The same, ready to learn from; to the left and to the right unless other `targets` are given."""
     arrays = track_arrays(targets or {"left": -1.0, "right": 1.0}, count, strength)
     return demonstrations_from_arrays(*arrays, observation_names=NAMES, action_names=("push",))
+
+
+def short(iterations: int = 2, cloning_steps: int = 100) -> MSRDConfig:
+    """The default recipe, for a first look."""
+    config = default_config()
+    cloning = replace(config.cloning, steps=cloning_steps, snapshots=(0,), noise_levels=(), restarts=())
+    return replace(config, iterations=iterations, episodes=2, cloning=cloning)
+
+
+def quick(**arguments: Any) -> Learned:
+    """A short training on the track."""
+    settings = {"demonstrations": track_demonstrations(), "environment": Track, "config": short()}
+    return train(**{**settings, "progress": False, **arguments})

@@ -9,11 +9,11 @@ import pytest
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import HORIZON, Episode
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from sawyer import ROBOT, SPEED_LIMIT_RAD_S
 from stack import Stack
 

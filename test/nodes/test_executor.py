@@ -16,10 +16,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import bytes_to_message, command_from_message
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
@@ -212,15 +212,18 @@ def test_strategies_that_cannot_be_played_are_refused_and_the_present_one_stays(
     robot: Robot, executor: RunningProcess
 ) -> None:
     label = LABELS[0]
-    robot.ask("forehand-lob")
-    executor.wait_for_line("topic strategy: unknown strategy label 'forehand-lob'; use one of forehand-push")
-    robot.ask(ALL_LABELS[4])
+    robot.ask("Lob!")
+    executor.wait_for_line("topic strategy: 'Lob!' is no strategy label")
+    for unknown in ("my-lob", ALL_LABELS[4]):
+        robot.ask(unknown)
 
-    def refused() -> bool:
-        assert robot.tick()[2] == str(label)
-        return f"no policy for strategy {ALL_LABELS[4]}; the checkpoint has forehand-push" in executor.output
+        def refused(
+            line: str = f"no policy for strategy {unknown}; the checkpoint has forehand-push",
+        ) -> bool:
+            assert robot.tick()[2] == str(label)
+            return line in executor.output
 
-    robot.stack.wait_until(refused, "refusal")
+        robot.stack.wait_until(refused, "refusal")
 
 
 def test_policies_are_exchanged_between_strokes_only(robot: Robot) -> None:

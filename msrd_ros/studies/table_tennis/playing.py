@@ -18,6 +18,7 @@ from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, Feed, Feeder, FeedSpread
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import PolicyFunction
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
@@ -107,14 +108,14 @@ class EvaluationBall(NamedTuple):
     """One ball: number, strategy, feed, offset of the start posture in standard deviations, seed."""
 
     number: int
-    label: StrategyLabel
+    label: PaperLabel
     feed: Feed
     offset: NDArray[np.float64]
     seed: tuple[int, ...]
 
 
 def evaluation_balls(
-    labels: Sequence[StrategyLabel],
+    labels: Sequence[PaperLabel],
     balls: int,
     seed: int,
     spread: FeedSpread,

@@ -25,7 +25,6 @@ from msrd_ros.contract.episode import (
     observation_names,
     observe,
 )
-from msrd_ros.contract.labels import Side
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
@@ -34,6 +33,7 @@ from msrd_ros.table_tennis.ball.flight import BALL_SIZE, POSITION
 from msrd_ros.table_tennis.ball.referee import RETURNED, new_referees
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.batched_tick import advance_rallies, fly_on
+from msrd_ros.table_tennis.strategies.table import Side
 
 Array = NDArray[np.float64]
 

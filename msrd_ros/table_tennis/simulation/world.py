@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
 from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
+from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE
 
 EPOCH_NS = NANOSECONDS
 """Simulated time starts at one second: zero means "no time yet" in ROS."""
@@ -78,7 +79,7 @@ def compile_ahead(config: RallyConfig) -> None:
     rally = Rally(config)
     home = config.robot.home_rad
     rally.reset(home)
-    rally.launch(Feeder().nominal(Side.FOREHAND))
+    rally.launch(Feeder().nominal(DEFAULT_SIDE))
     rally.command(home, np.full_like(home, 0.01), 0.02)
     rally.play_out()
     pose = rally.paddle
@@ -111,7 +112,7 @@ class World:
         self._feeds: deque[tuple[Feed, int]] = deque()
         self._served: StrategyLabel | None = None
         self._label: StrategyLabel | None = None
-        self._waiting_ball = np.array(Feeder().nominal(Side.FOREHAND).position)
+        self._waiting_ball = np.array(Feeder().nominal(DEFAULT_SIDE).position)
         self._camera = Camera(config.camera, np.random.default_rng(config.seed))
         self._launch_ns = 0
         self._sample = Sample(EPOCH_NS, self._waiting_ball)

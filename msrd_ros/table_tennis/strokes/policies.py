@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.robots.loading import DEFAULT_ROBOT, default_robot
 from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.strategies.table import Side, Strategies
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (N + 6,) to an action (N,)."""
@@ -51,10 +52,13 @@ class StrokeFacts:
         Mean posture in which they begin, shape (N,), rad.
     landing_point
         Mean landing point of their returned balls, shape (2,), m; NaN where unknown.
+    side
+        Where balls are fed.
     """
 
     ready_pose: NDArray[np.float64]
     landing_point: NDArray[np.float64]
+    side: Side
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,7 @@ class StrokePolicies:
                 str(label): {
                     "ready_pose": facts.ready_pose.tolist(),
                     "landing_point": [None if math.isnan(x) else x for x in facts.landing_point.tolist()],
+                    "side": facts.side.value,
                 }
                 for label, facts in self.facts.items()
             },
@@ -161,7 +166,7 @@ class StrokePolicies:
             if not fits.all():
                 joint = arm.joint_names[int(np.argmin(fits))]
                 raise UserError(f"{where}: ready pose of {text}: joint {joint} is out of its limits")
-            facts[label] = StrokeFacts(ready_pose, landing_point)
+            facts[label] = StrokeFacts(ready_pose, landing_point, _read_side(strokes[text], label, where))
         details = policies.details
         return cls(policies, facts, details.get("exploration_seed"), details.get("ready_noise_rad", 0.0), arm)
 
@@ -175,3 +180,14 @@ class StrokePolicies:
                 f"{path}: cannot read the checkpoint ({error.strerror}); train one, or mend the path"
             ) from None
         return cls.from_bytes(data, str(path), robot)
+
+
+def _read_side(stroke: Mapping[str, Any], label: StrategyLabel, where: str) -> Side:
+    """The side that a file tells; files of version 0.1.0 tell none and hold listed strategies only."""
+    told, listed = stroke.get("side"), Strategies.shipped().of(label).side
+    if told is None and listed is not None:
+        return listed
+    try:
+        return Side(str(told))
+    except ValueError:
+        raise UserError(f"{where}: the side of {label} is missing or unknown; train again") from None

@@ -27,7 +27,7 @@ from msrd_ros.contract.episode import (
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import EpisodeAssembler
-from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
@@ -80,11 +80,11 @@ class StrokeBatch:
         seed = int(rng.integers(2**31))
         feeder = Feeder()
         strokes: list[Stroke] = []
-        for label in policies.labels:
+        for label, facts in policies.facts.items():
             for _ in range(episodes):
                 index = len(strokes)
                 feed = feeder.sample(
-                    label.side, SPREADS[spread], np.random.default_rng((FEED_STREAM, seed, index))
+                    facts.side, SPREADS[spread], np.random.default_rng((FEED_STREAM, seed, index))
                 )
                 strokes.append(Stroke(label, feed, index))
         exploring = replace(policies, exploration_seed=seed, ready_noise_rad=ready_noise_rad)
@@ -276,7 +276,6 @@ class BulletCollector:
 
     def collect(self, policies: Policies, episodes: int, rng: np.random.Generator) -> Rollouts:
         """Play `episodes` strokes of every strategy."""
-        assert isinstance(policies, GaussianPolicies)
         batch = StrokeBatch.draw(
             self._source(), episodes, self._spread, self._ready_noise_rad, self._balls, rng
         )

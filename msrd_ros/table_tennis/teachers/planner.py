@@ -19,7 +19,6 @@ import yaml
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_text
 from msrd_ros.robots.limits import JointReference
@@ -30,6 +29,8 @@ from msrd_ros.table_tennis.arm.collision_model import clearance, obstacle, self_
 from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.hit_solver import TIME, angles_of, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.side import (
     PATH_PERIOD_S,
@@ -51,7 +52,7 @@ _LEAST_ROOM_M = 0.03
 
 def plan_side(
     robot: Robot, side: Side, config: PlannerConfig, scene: Scene, feeder: Feeder, resting: list[Array]
-) -> dict[StrategyLabel, JointStroke]:
+) -> dict[PaperLabel, JointStroke]:
     """Plan the three strokes of one side against its nominal feed, from random postures.
 
     Parameters
@@ -142,7 +143,7 @@ def plan_all(
     config: PlannerConfig | None = None,
     scene: Scene | None = None,
     feeder: Feeder | None = None,
-) -> dict[StrategyLabel, JointStroke]:
+) -> dict[PaperLabel, JointStroke]:
     """Plan all six strokes.
 
     Raises
@@ -150,7 +151,7 @@ def plan_all(
     UserError
         If the arm cannot play them.
     """
-    strokes: dict[StrategyLabel, JointStroke] = {}
+    strokes: dict[PaperLabel, JointStroke] = {}
     resting = [robot.home_rad.copy()]
     for side in Side:
         plan = plan_side(
@@ -166,7 +167,7 @@ def plan_key(robot: Robot) -> str:
     return hashlib.sha256(robot.model.tobytes()).hexdigest()[:12]
 
 
-def write_strokes(robot: Robot, strokes: dict[StrategyLabel, JointStroke], path: Path) -> None:
+def write_strokes(robot: Robot, strokes: dict[PaperLabel, JointStroke], path: Path) -> None:
     """Keep planned strokes as YAML; times in s, angles in rad.
 
     Raises
@@ -201,7 +202,7 @@ def _rounded(values: Array) -> list[float]:
 
 def planned_strokes(
     robot: Robot | None = None, tell: Callable[[str], None] = print
-) -> dict[StrategyLabel, JointStroke]:
+) -> dict[PaperLabel, JointStroke]:
     """The strokes kept for an arm, for the standard scene and the nominal feed; planned if there are none.
 
     Parameters
@@ -225,7 +226,7 @@ def planned_strokes(
 
 
 @cache
-def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[StrategyLabel, JointStroke]:
+def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[PaperLabel, JointStroke]:
     remedy = f"write them with python -m msrd_ros plan {path.parent}"
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))

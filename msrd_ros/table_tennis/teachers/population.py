@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.quintic import JointStroke
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.guided_stroke import AttentionConfig, GuidedStroke, Intent
 from msrd_ros.table_tennis.teachers.hit_solver import TIME, HitWish, angles_of, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
@@ -73,14 +74,14 @@ class Teacher:
         self._feeder = feeder or Feeder()
         self._grip = grip or GuidanceConfig()
         self._attention = attention or AttentionConfig()
-        self._intents: dict[StrategyLabel, Intent] = {}
+        self._intents: dict[PaperLabel, Intent] = {}
 
     @property
     def name(self) -> str:
         """For people and folders."""
         return subject_name(self.subject)
 
-    def begin(self, label: StrategyLabel, rng: np.random.Generator) -> GuidedStroke:
+    def begin(self, label: PaperLabel, rng: np.random.Generator) -> GuidedStroke:
         """Get ready for a stroke.
 
         Parameters
@@ -100,13 +101,13 @@ class Teacher:
             self._robot, intent, flaws, self.style.skill, self._scene, self._grip, self._attention
         )
 
-    def intent(self, label: StrategyLabel) -> Intent:
+    def intent(self, label: PaperLabel) -> Intent:
         """What the teacher usually means to do: the planned stroke, made their own."""
         if label not in self._intents:
             self._intents[label] = self._practise(label)
         return self._intents[label]
 
-    def _practise(self, label: StrategyLabel) -> Intent:
+    def _practise(self, label: PaperLabel) -> Intent:
         style = self.style
         planned = planned_strokes(self._robot)[label]
         start = _hit_of(planned, self._robot)
@@ -119,7 +120,7 @@ class Teacher:
         ready = planned.start.position + style.ready_rad[label]
         return Intent(hit, wish, ready, swing_s, planned.follow_s)
 
-    def _wish(self, label: StrategyLabel, hit: Array) -> HitWish:
+    def _wish(self, label: PaperLabel, hit: Array) -> HitWish:
         style, planner = self.style, PlannerConfig()
         spin = planner.spin(label.stroke)
         spin += style.push_spin_rad_s if label.stroke is Stroke.PUSH else style.spin_fraction * spin
@@ -143,7 +144,7 @@ class Teacher:
 
 def compile_ahead(teacher: Teacher, feeder: Feeder) -> None:
     """Let a teacher play against thin air, so that nothing has to be compiled while a ball is flying."""
-    label = StrategyLabel(Side.FOREHAND, Stroke.PUSH)
+    label = PaperLabel(Side.FOREHAND, Stroke.PUSH)
     stroke = teacher.begin(label, np.random.default_rng(0))
     path = feed_path(feeder.nominal(label.side), Scene().constants())
     for index in range(round(1.2 / PATH_PERIOD_S)):

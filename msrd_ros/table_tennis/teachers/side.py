@@ -14,7 +14,6 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
 from msrd_ros.core.paddle import BLADE_RADIUS_M
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import inverse_dynamics_into
@@ -25,6 +24,8 @@ from msrd_ros.table_tennis.arm.collision_model import self_clearance
 from msrd_ros.table_tennis.ball.feeder import Feed
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.hit_solver import (
     HitWish,
     angles_of,
@@ -129,7 +130,7 @@ def feed_path(feed: Feed, scene: NDArray[np.void]) -> Array:
 
 
 def wish_for(
-    robot: Robot, label: StrategyLabel, config: PlannerConfig, posture: Array, posture_weight: float
+    robot: Robot, label: PaperLabel, config: PlannerConfig, posture: Array, posture_weight: float
 ) -> HitWish:
     """The hit that a stroke asks for, near to a posture (N,)."""
     return HitWish(
@@ -250,7 +251,7 @@ class SideProblem:
     ) -> None:
         self.robot = robot
         self.config, self.path, self.scene = config, path, scene
-        self.labels = [StrategyLabel(side, stroke) for stroke in _STROKES]
+        self.labels = [PaperLabel(side, stroke) for stroke in _STROKES]
         self._size = hit_size(robot.joint_count)
         self._buffer = np.empty(4000)
 

@@ -8,8 +8,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.core.errors import UserError
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 
 Array = NDArray[np.float64]
 
@@ -80,13 +80,13 @@ class PopulationConfig:
 class Style:
     """One teacher's own ways; see `PopulationConfig`. Per label where the strokes may differ."""
 
-    hit_time_s: dict[StrategyLabel, float]
+    hit_time_s: dict[PaperLabel, float]
     timing_s: float
-    landing_m: dict[StrategyLabel, tuple[float, float]]
+    landing_m: dict[PaperLabel, tuple[float, float]]
     spin_fraction: float
     push_spin_rad_s: float
     swing: float
-    ready_rad: dict[StrategyLabel, Array]
+    ready_rad: dict[PaperLabel, Array]
     skill: float
     slip: float
 

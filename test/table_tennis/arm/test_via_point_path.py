@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import HOME_POSTURE_RAD, ROBOT
@@ -27,7 +27,7 @@ def world() -> Iterator[World]:
     world.close()
 
 
-def ready_pose(label: StrategyLabel) -> np.ndarray:
+def ready_pose(label: PaperLabel) -> np.ndarray:
     return planned_strokes()[label].start.position
 
 
@@ -51,7 +51,7 @@ def strays_on_the_way(world: World, start: np.ndarray, goal: np.ndarray) -> int:
 
 @pytest.mark.parametrize("ended", ALL_LABELS)
 def test_the_arm_gets_from_the_end_of_every_stroke_to_every_ready_pose(
-    world: World, ended: StrategyLabel
+    world: World, ended: PaperLabel
 ) -> None:
     end = planned_strokes()[ended].at(2.0).position
     assert [strays_on_the_way(world, end, ready_pose(label)) for label in ALL_LABELS] == [0] * 6

@@ -14,7 +14,6 @@ from msrd_ros.contract.episode import (
     HORIZON,
     action_to_velocity,
 )
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.limits import JointReference, shape_command
@@ -28,6 +27,7 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.simulation.rally import Rally
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import ARM, ROBOT, SPEED_LIMIT_RAD_S
 

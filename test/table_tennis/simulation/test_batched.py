@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity
-from msrd_ros.contract.labels import Side
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.rollouts import BatchedEnvironment
 from msrd_ros.robots.kinematics import place_moving_paddle
@@ -21,6 +20,7 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyPlan,
     RallyVariation,
 )
+from msrd_ros.table_tennis.strategies.table import Side
 from sawyer import (
     ACCELERATION_LIMIT_RAD_S2,
     ARM,

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.quintic import JointStroke
@@ -16,6 +15,7 @@ from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.teachers.impedance_guidance import leading_hand
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import ARM, ROBOT
@@ -33,7 +33,7 @@ def rally() -> Iterator[Rally]:
 
 
 @pytest.fixture(scope="module")
-def strokes() -> dict[StrategyLabel, JointStroke]:
+def strokes() -> dict[PaperLabel, JointStroke]:
     return planned_strokes()
 
 
@@ -67,7 +67,7 @@ def _lead_through(rally: Rally, stroke: JointStroke, skill: float) -> tuple[floa
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
 def test_a_skilled_hand_leads_strokes_closely_and_any_hand_within_the_speed_limits(
-    rally: Rally, strokes: dict[StrategyLabel, JointStroke], label: StrategyLabel
+    rally: Rally, strokes: dict[PaperLabel, JointStroke], label: PaperLabel
 ) -> None:
     distance, turn = _lead_through(rally, strokes[label], skill=1.0)
     assert distance < 0.01

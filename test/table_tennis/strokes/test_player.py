@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP, HORIZON
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.errors import UserError
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feeder
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import (

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel, Stroke
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.paddle import BLADE_RADIUS_M
 from msrd_ros.robots.kinematics import paddle_pose
@@ -26,6 +25,8 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyResults,
     RallyVariation,
 )
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side, Strategies
 from msrd_ros.table_tennis.teachers.hit_solver import TIME, carry_out, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.planner import PLAN_FILE, planned_strokes, room_on_path, write_strokes
 from msrd_ros.table_tennis.teachers.side import (
@@ -36,7 +37,6 @@ from msrd_ros.table_tennis.teachers.side import (
     feed_path,
     wish_for,
 )
-from msrd_ros.table_tennis.teachers.study_design import spin_class
 from sawyer import ARM, HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT, SPEED_LIMIT_RAD_S
 
 SCENE = Scene().constants()
@@ -133,7 +133,7 @@ def test_path_does_not_depend_on_its_period() -> None:
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_solver_finds_a_hit_from_a_bad_start(label: StrategyLabel) -> None:
+def test_solver_finds_a_hit_from_a_bad_start(label: PaperLabel) -> None:
     config = PlannerConfig()
     path = feed_path(Feeder().nominal(label.side), SCENE)
     known = _hit_of(planned_strokes()[label])
@@ -156,12 +156,12 @@ def test_solver_finds_a_hit_from_a_bad_start(label: StrategyLabel) -> None:
 
 def test_each_side_has_one_ready_pose() -> None:
     for side in Side:
-        ready = [planned_strokes()[StrategyLabel(side, stroke)].start.position for stroke in Stroke]
+        ready = [planned_strokes()[PaperLabel(side, stroke)].start.position for stroke in Stroke]
         np.testing.assert_array_equal(ready, [ready[0]] * 3)
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_planned_stroke_is_within_all_limits(label: StrategyLabel) -> None:
+def test_planned_stroke_is_within_all_limits(label: PaperLabel) -> None:
     stroke = planned_strokes()[label]
     speed, acceleration = stroke.peak_fractions(ROBOT.limits)
     assert speed.max() <= 0.9
@@ -182,7 +182,7 @@ def test_planned_stroke_is_within_all_limits(label: StrategyLabel) -> None:
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_planned_hit_is_with_the_sides_own_face(label: StrategyLabel) -> None:
+def test_planned_hit_is_with_the_sides_own_face(label: PaperLabel) -> None:
     path = feed_path(Feeder().nominal(label.side), SCENE)
     done = carry_out(
         ARM, _hit_of(planned_strokes()[label]), face_sign(label.side), path, PATH_PERIOD_S, SCENE
@@ -206,7 +206,9 @@ def test_planned_strokes_return_the_nominal_feed_with_their_spin() -> None:
         low, high = SPIN_RANGES[label.stroke]
         spin = results.spin[index, 0, 1]
         assert low <= spin <= high, label
-        assert spin_class(spin) is label.stroke
+        wanted = Strategies.shipped().of(label).spin
+        assert wanted is not None
+        assert wanted.distance(spin) == 0.0
         np.testing.assert_allclose(results.landing[index, 0], PlannerConfig().landing_m, atol=0.1)
 
 

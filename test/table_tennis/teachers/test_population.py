@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
@@ -17,6 +16,8 @@ from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path, path_at
 from msrd_ros.table_tennis.simulation.rally import Rally
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.guided_stroke import GuidedStroke
 from msrd_ros.table_tennis.teachers.population import Teacher
 from msrd_ros.table_tennis.teachers.study_design import Verdict, judge_stroke
@@ -153,7 +154,7 @@ def _show(rally: Rally, stroke: GuidedStroke, feed: Feed, seed: int) -> np.ndarr
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_teachers_return_balls_by_the_hand_within_limits(rally: Rally, label: StrategyLabel) -> None:
+def test_teachers_return_balls_by_the_hand_within_limits(rally: Rally, label: PaperLabel) -> None:
     """Three teachers, one standard feed each, without slips: kept all, or all but one."""
     kept = 0
     for subject in range(3):
