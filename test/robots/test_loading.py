@@ -351,5 +351,13 @@ def test_a_change_of_either_file_is_seen(folder: Path) -> None:
 def test_a_robot_refuses_what_belongs_to_another() -> None:
     robot = default_robot()
     robot.require(robot.name, "bag b")
+    robot.require(robot.identity, "bag b")
     with pytest.raises(UserError, match=r"bag b: is of the robot panda, not sawyer; say robot:=panda"):
-        robot.require("panda", "bag b")
+        robot.require("panda@0123", "bag b")
+
+
+def test_a_robot_refuses_what_belongs_to_a_namesake_with_other_limits(folder: Path) -> None:
+    rewrite_sheet(folder, put("limits.speed_rad_s.0", 1.0))
+    with pytest.raises(UserError, match=r"bag b: is of a robot sawyer with other joints or limits") as caught:
+        load_robot(folder).require(default_robot().identity, "bag b")
+    assert str(folder) in str(caught.value)
