@@ -18,7 +18,7 @@ NAMES = {name for arm in ARMS for name in (arm.name, *arm.joint_names, *arm.link
 FREEDOMS_OF_A_BODY = 6
 """Of a pose or twist, whatever the arm: a number that says nothing about joints."""
 COUNTS = {arm.joint_count for arm in ARMS} - {FREEDOMS_OF_A_BODY}
-NUMERALS = dict(enumerate("zero one two three four five six seven eight nine".split()))
+NUMERALS = dict(enumerate(["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]))
 MAKERS = {"zeros", "ones", "empty", "full", "range"}
 
 
