@@ -102,7 +102,7 @@ class BagMessage(NamedTuple):
 
 
 def parse_topic_names(entries: list[str], where: str) -> dict[str, str]:
-    """Read overrides such as ``joint_states:=/sawyer/joint_states``.
+    """Read overrides such as ``joint_states:=/lab/joint_states``.
 
     Returns
     -------

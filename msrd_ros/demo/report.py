@@ -52,7 +52,7 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
     fed = sum(row["fed"] for row in rows.values())
     report = Report(
         "Six strokes, taught by hand",
-        f"{metrics['subjects']} teachers led a Sawyer arm by the hand through push, slice and topspin, "
+        f"{metrics['subjects']} teachers led a robot arm by the hand through push, slice and topspin, "
         f"forehand and backhand. The {taught} recorded strokes were replayed into Multi-Strategy Reward "
         f"Distillation, and what it learned was played against {fed} new balls. Every hop went over ROS 2 "
         f"topics between processes.",

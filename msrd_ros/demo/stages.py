@@ -163,7 +163,7 @@ class Demo:
         simulator = self._start(stack, "simulator", {"seed": config.seed + 2})
         executor = self._start(stack, "executor", {"checkpoint": policies, "accept_policy": False})
         recorder = self._start(
-            stack, "recorder", {"directory": config.out / "played", "subject": "sawyer", "keep": "all"}
+            stack, "recorder", {"directory": config.out / "played", "subject": "robot", "keep": "all"}
         )
         evaluation = {"balls": 2, "seed": config.seed + 1}
         self._follow(stack, "evaluator", evaluation).wait((simulator, executor, recorder))

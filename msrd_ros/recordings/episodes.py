@@ -18,7 +18,7 @@ from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 
 ROBOT_KEY = "robot"
-"""In a bag's `custom_data`: the name of the arm that was led. Bags of 0.1.0 and foreign ones do not say."""
+"""In a bag's `custom_data`: `Robot.identity` of the arm that was led. 0.1.0 and others do not say."""
 
 
 def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:

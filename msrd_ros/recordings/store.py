@@ -114,7 +114,7 @@ class StrokeStore:
         custom_data = {
             "outcome": stroke.outcome,
             "version": self._written_by,
-            ROBOT_KEY: self._robot.name,
+            ROBOT_KEY: self._robot.identity,
             "ball_id": stroke.ball_id,
             "kept": "true" if verdict.accepted else "false",
             "reason": verdict.reason,

@@ -159,6 +159,7 @@ def _require_chain(description: Description, names: tuple[str, ...], mount: Join
             f"{path}: no link {mount.parent!r} for the paddle; set paddle.link to one of "
             f"{', '.join(description.links)}"
         )
+    description.require_tree()
     found: list[str] = []
     link = mount.parent
     while (joint := description.carrier(link)) is not None:

@@ -79,12 +79,17 @@ def load_robot(robot: str | Path) -> Robot:
                 f"robot {text!r}: is none of {', '.join(shipped_robots())} and no folder with {SHEET_FILE}; "
                 "say one of these, or the folder of your own (docs/recipes/own_robot.md)"
             )
-    return _load(folder.resolve(), (folder / SHEET_FILE).stat().st_mtime_ns)
+    return _load(folder.resolve(), _changed_ns(folder / SHEET_FILE), _changed_ns(folder / DESCRIPTION_FILE))
+
+
+def _changed_ns(path: Path) -> int:
+    """When a file was changed; 0 if it is not there, which is said when it is read."""
+    return path.stat().st_mtime_ns if path.is_file() else 0
 
 
 @cache
-def _load(folder: Path, changed_ns: int) -> Robot:
-    """Load an arm once for each state of its file."""
+def _load(folder: Path, sheet_changed_ns: int, description_changed_ns: int) -> Robot:
+    """Load an arm once for each state of its files."""
     sheet = Sheet.read(folder / SHEET_FILE)
     names = tuple(str(name) for name in sheet.items("joints", "the joints from the base to the hand"))
     if not names or len(set(names)) != len(names):
@@ -119,11 +124,7 @@ def _load(folder: Path, changed_ns: int) -> Robot:
             sheet.number("driver.damping_1_s", low=0.0),
             sheet.number("driver.catch_up_1_s", low=0.0),
         ),
-        floating=FloatingModel(
-            sheet.joints("teaching.joint_damping_nm_s", names, low=0.0),
-            sheet.number("teaching.brake_from", low=0.0, high=1.0),
-            sheet.number("teaching.brake_full", low=0.0, high=1.0),
-        ),
+        floating=_floating(sheet, names),
         planning=_planning(sheet, names, limits),
         home_rad=home_rad,
         lift=_lift(sheet, names),
@@ -240,7 +241,7 @@ def _model(
 
 def _sphere(sheet: Sheet, key: str, item: Any, chain: Chain) -> tuple[tuple[int, Any], Array, float]:
     """Which joint carries a sphere, its centre in the chain's frame behind it, and its radius in m."""
-    inner = Sheet(sheet.path, item if isinstance(item, dict) else {})
+    inner = Sheet(sheet.path, item if isinstance(item, dict) else {}, key)
     link = inner.text("link")
     if link not in chain.places:
         raise UserError(
@@ -279,8 +280,8 @@ def _stand(sheet: Sheet, base: tuple[tuple[float, float, float], tuple[float, fl
         return constant([[0.0, 0.0, _FAR_BELOW_M, 0.0]])
     place = frame(*base)
     rows = []
-    for item in sheet.items("stand", "spheres {centre_m, radius_m}"):
-        inner = Sheet(sheet.path, item if isinstance(item, dict) else {})
+    for index, item in enumerate(sheet.items("stand", "spheres {centre_m, radius_m}")):
+        inner = Sheet(sheet.path, item if isinstance(item, dict) else {}, f"stand[{index}]")
         centre = place.position + place.rotation @ np.array(inner.vector("centre_m"))
         rows.append([*centre, inner.number("radius_m", low=0.0)])
         inner.require_known()
@@ -305,10 +306,28 @@ def _lift(sheet: Sheet, names: tuple[str, ...]) -> tuple[int, float]:
     return names.index(joint), math.copysign(1.0, sheet.number("lift.direction", low=-1.0, high=1.0))
 
 
+def _floating(sheet: Sheet, names: tuple[str, ...]) -> FloatingModel:
+    brake_full = sheet.number("teaching.brake_full", low=0.0, high=1.0)
+    brake_from = sheet.number("teaching.brake_from", low=0.0, high=1.0)
+    if not brake_from < brake_full:
+        raise UserError(
+            f"{sheet.path}: teaching.brake_from is {brake_from}; write less than brake_full, {brake_full}"
+        )
+    return FloatingModel(sheet.joints("teaching.joint_damping_nm_s", names, low=0.0), brake_from, brake_full)
+
+
 def _planning(sheet: Sheet, names: tuple[str, ...], limits: JointLimits) -> PlanningSpace:
     bounds = {}
     for key in ("hit_lower_rad", "hit_upper_rad", "rest_lower_rad", "rest_upper_rad", "middle_rad"):
         bounds[key] = _posture(sheet, f"planning.{key}", names, limits)
+    for part in ("hit", "rest"):
+        lower, upper = bounds[f"{part}_lower_rad"], bounds[f"{part}_upper_rad"]
+        for name, low, high in zip(names, lower, upper, strict=True):
+            if not low < high:
+                raise UserError(
+                    f"{sheet.path}: planning of joint {name}: {part}_lower_rad {low} and {part}_upper_rad "
+                    f"{high} leave nothing between them; write the lower one first"
+                )
     return PlanningSpace(**bounds)
 
 

@@ -156,13 +156,31 @@ class Robot:
     def __hash__(self) -> int:
         return hash((self.name, self.digest))
 
-    def require(self, name: str, where: str) -> None:
+    @property
+    def identity(self) -> str:
+        """Name and digest as ``name@digest``: what bags and policies say of the arm they belong to."""
+        return f"{self.name}@{self.digest}"
+
+    def require(self, identity: str, where: str) -> None:
         """Refuse what was made with another arm.
+
+        Parameters
+        ----------
+        identity
+            Of the arm that it was made with; a name alone where it says no more.
+        where
+            What it is, for the error.
 
         Raises
         ------
         UserError
-            If `name` is not this robot's.
+            If that is not this robot.
         """
+        name, _, digest = identity.partition("@")
         if name != self.name:
             raise UserError(f"{where}: is of the robot {name}, not {self.name}; say robot:={name}")
+        if digest and digest != self.digest:
+            raise UserError(
+                f"{where}: is of a robot {name} with other joints or limits ({digest}) than that of "
+                f"{self.folder} ({self.digest}); say robot:=FOLDER of that one, or record and train anew"
+            )

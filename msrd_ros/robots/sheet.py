@@ -30,12 +30,15 @@ class Sheet:
     path
         Of the file, for errors.
     values
-        What it holds.
+        What it holds, or what it holds under a key.
+    under
+        That key, for errors.
     """
 
-    def __init__(self, path: Path, values: dict[str, Any]) -> None:
+    def __init__(self, path: Path, values: dict[str, Any], under: str = "") -> None:
         self.path = path
         self._values = values
+        self._under = f"{under}." if under else ""
         self._asked: set[str] = set()
 
     @classmethod
@@ -69,7 +72,7 @@ class Sheet:
         found: Any = self._values
         for part in key.split("."):
             if not isinstance(found, dict) or part not in found:
-                raise UserError(f"{self.path}: {key} is missing; write {wanted}")
+                raise UserError(f"{self._where(key)} is missing; write {wanted}")
             found = found[part]
         return found
 
@@ -77,14 +80,14 @@ class Sheet:
         """A name."""
         value = self.value(key, "a name")
         if not isinstance(value, str) or not value:
-            raise UserError(f"{self.path}: {key} is {value!r}; write a name")
+            raise UserError(f"{self._where(key)} is {value!r}; write a name")
         return value
 
     def items(self, key: str, wanted: str) -> list[Any]:
         """A list of anything."""
         value = self.value(key, f"a list of {wanted}")
         if not isinstance(value, list):
-            raise UserError(f"{self.path}: {key} is {value!r}; write a list of {wanted}")
+            raise UserError(f"{self._where(key)} is {value!r}; write a list of {wanted}")
         return value
 
     def number(self, key: str, low: float = -math.inf, high: float = math.inf) -> float:
@@ -95,7 +98,7 @@ class Sheet:
         """Three numbers."""
         values = self.items(key, "three numbers")
         if len(values) != 3:
-            raise UserError(f"{self.path}: {key} has {len(values)} numbers; write three")
+            raise UserError(f"{self._where(key)} has {len(values)} numbers; write three")
         x, y, z = self._numbers(key, values)
         return x, y, z
 
@@ -109,7 +112,7 @@ class Sheet:
         if len(values) != len(names):
             missing = f"; nothing for {', '.join(names[len(values) :])}" if len(values) < len(names) else ""
             raise UserError(
-                f"{self.path}: {key} has {len(values)} numbers for {len(names)} joints{missing}; "
+                f"{self._where(key)} has {len(values)} numbers for {len(names)} joints{missing}; "
                 "write one for each joint"
             )
         return constant(self._numbers(key, values, low, names=names))
@@ -128,11 +131,14 @@ class Sheet:
             for key in keys:
                 if key not in self._asked and not (top in self._asked and isinstance(inner, dict)):
                     known = sorted(key for key in self._asked if key.startswith(f"{top}.")) or sorted(tops)
-                    raise UserError(f"{self.path}: {key} is unknown; it has {', '.join(known)}")
+                    raise UserError(f"{self._where(key)} is unknown; it has {', '.join(known)}")
 
     def has(self, key: str) -> bool:
         """Whether an optional top-level key is there."""
         return key in self._values
+
+    def _where(self, key: str) -> str:
+        return f"{self.path}: {self._under}{key}"
 
     def _numbers(
         self,
@@ -143,10 +149,10 @@ class Sheet:
         names: tuple[str, ...] = (),
     ) -> list[float]:
         for index, value in enumerate(values):
-            where = f"{key} of joint {names[index]}" if names else key
+            where = self._where(f"{key} of joint {names[index]}" if names else key)
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise UserError(f"{self.path}: {where} is {value!r}; write a finite number")
+                raise UserError(f"{where} is {value!r}; write a finite number")
             if not low <= value <= high:
                 bounds = f"of at least {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
-                raise UserError(f"{self.path}: {where} is {value!r}; write a number {bounds}")
+                raise UserError(f"{where} is {value!r}; write a number {bounds}")
         return [float(value) for value in values]

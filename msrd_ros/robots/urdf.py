@@ -7,6 +7,7 @@ are handed on as they stand. No meshes and no xacro: RViz, Foxglove and Bullet s
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +20,7 @@ ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 WORLD_LINK = "world"
 PADDLE_LINK = "paddle"
+_TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class LinkInertia(NamedTuple):
@@ -77,6 +79,27 @@ class Description:
             )
         return roots[0]
 
+    def require_tree(self) -> None:
+        """Refuse links that do not hang, by one joint each, on the root.
+
+        Raises
+        ------
+        UserError
+            If there is one; names it.
+        """
+        children = [joint.child for joint in self.joints.values()]
+        reached, waiting = {self.root_link}, [self.root_link]
+        while waiting:
+            parent = waiting.pop()
+            found = [joint.child for joint in self.joints.values() if joint.parent == parent]
+            reached.update(found)
+            waiting.extend(child for child in found if children.count(child) == 1)
+        for link in self.links:
+            if children.count(link) > 1:
+                raise UserError(f"{self.path}: link {link} is the child of several joints; leave one")
+            if link not in reached:
+                raise UserError(f"{self.path}: link {link} hangs on itself; join all links into one tree")
+
     def carrier(self, link: str) -> JointOrigin | None:
         """The joint that carries a link; None for the root."""
         return next((joint for joint in self.joints.values() if joint.child == link), None)
@@ -112,9 +135,7 @@ def _inertia(link: ElementTree.Element, path: Path) -> LinkInertia:
     centre, turn = _pose(inertial, where)
     mass = _number(inertial.find("mass"), "value", where)
     tensor = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (
-        _number(tensor, key, where) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
+    xx, xy, xz, yy, yz, zz = (_number(tensor, key, where) for key in _TENSOR)
     if mass < 0.0 or min(xx, yy, zz) < 0.0:
         raise UserError(f"{where}: has a negative mass or moment of inertia; correct its <inertial>")
     return LinkInertia(name, mass, centre, (xx, xy, xz, yy, yz, zz), turn)
@@ -146,7 +167,7 @@ def _pose(element: ElementTree.Element, where: str) -> tuple[Vector, Vector]:
 def _vector(element: ElementTree.Element, key: str, where: str) -> Vector:
     words = element.get(key, "0 0 0").split()
     try:
-        x, y, z = (float(word) for word in words)
+        x, y, z = (_finite(word) for word in words)
     except ValueError:
         raise UserError(f"{where}: {key}={' '.join(words)!r}; write three numbers") from None
     return x, y, z
@@ -155,9 +176,17 @@ def _vector(element: ElementTree.Element, key: str, where: str) -> Vector:
 def _number(element: ElementTree.Element | None, key: str, where: str) -> float:
     text = None if element is None else element.get(key)
     try:
-        return float(text or "")
+        return _finite(text or "")
     except ValueError:
         raise UserError(f"{where}: {key} is {text!r}; write a number") from None
+
+
+def _finite(text: str) -> float:
+    """A number; `ValueError` for none, and for one that is not finite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
 
 
 @dataclass(frozen=True)
@@ -230,7 +259,12 @@ def _rounded(link: ElementTree.Element, mass_scale: float) -> ElementTree.Elemen
             if key in ("xyz", "rpy", "size", "radius", "length"):
                 element.set(key, numbers(tuple(float(word) for word in text.split())))
     inertial = result.find("inertial")
-    if inertial is not None:
+    if inertial is None:
+        # A frame without a body. Bullet would give it 1 kg and 1 kg m^2 unless told that it weighs nothing.
+        inertial = ElementTree.SubElement(result, "inertial")
+        ElementTree.SubElement(inertial, "mass", value="0")
+        ElementTree.SubElement(inertial, "inertia", dict.fromkeys(_TENSOR, "0"))
+    else:
         for tag in ("mass", "inertia"):
             part = inertial.find(tag)
             if part is not None:

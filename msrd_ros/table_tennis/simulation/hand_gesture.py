@@ -29,7 +29,7 @@ class HandGesture:
     positions
         Of the blade's centre, shape (N, 3), m.
     quaternions
-        x, y, z, w of `right_l6`, shape (N, 4).
+        x, y, z, w of the last link, shape (N, 4).
     velocities, angular_velocities
         Shape (N, 3), m/s and rad/s.
     """

@@ -131,7 +131,7 @@ class StrokePolicies:
             },
             "exploration_seed": self.exploration_seed,
             "ready_noise_rad": self.ready_noise_rad,
-            "robot": self.robot.name,
+            "robot": self.robot.identity,
         }
         return replace(self.policies, details=details).to_bytes()
 
