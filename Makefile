@@ -6,6 +6,7 @@ PYTHON ?= $(shell for python in python3 python3.12 python3.11; do \
 PIP_ARGS ?=
 VENV ?= .venv
 OUT ?= out/demo
+ROBOT ?= sawyer
 PYTEST_ARGS ?=
 
 SUPPORTED := 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))'
@@ -30,6 +31,7 @@ help:  ## Say what there is
 	@echo "  PYTHON=...    Python 3.11 or 3.12 to make the environment with"
 	@echo "  PIP_ARGS=...  more arguments for pip, such as --extra-index-url of CPU-only torch builds"
 	@echo "  VENV=...      where the environment lies; $(VENV) now"
+	@echo "  ROBOT=...     which arm the demo plays: a name of config/robots or a folder; $(ROBOT) now"
 	@echo "  OUT=...       where the demo writes; $(OUT) now"
 	@echo "  PYTEST_ARGS=... more arguments for pytest, such as -k simulator"
 
@@ -44,14 +46,15 @@ $(STAMP): setup.py constraints.txt
 	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[all,test,docs]'
 	@touch $@
 
-demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report in OUT
-	$(BIN)/python -m msrd_ros demo --out $(OUT)
+demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with ROBOT; report in OUT
+	$(BIN)/python -m msrd_ros demo --out $(OUT) --robot $(ROBOT)
 
 test: lint  ## Check style and types, run all tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
 test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
 	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
 

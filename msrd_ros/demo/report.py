@@ -25,6 +25,7 @@ from msrd_ros.reports.stroke_figures import (
     draw_matrix,
     spin_histograms,
 )
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_report(out: Path, metrics: dict[str, Any]) -> None:
+def write_report(out: Path, metrics: dict[str, Any], robot: Robot) -> None:
     """Write ``out/report.html`` from what the demo left in `out`.
 
     Parameters
@@ -42,6 +43,8 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
         The demo's folder.
     metrics
         Content of its ``metrics.json``.
+    robot
+        The arm that played.
     """
     training = json.loads((out / "training" / "training.json").read_text())
     evaluation = json.loads((out / "evaluation.json").read_text())
@@ -52,10 +55,10 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
     fed = sum(row["fed"] for row in rows.values())
     report = Report(
         "Six strokes, taught by hand",
-        f"{metrics['subjects']} teachers led a robot arm by the hand through push, slice and topspin, "
-        f"forehand and backhand. The {taught} recorded strokes were replayed into Multi-Strategy Reward "
-        f"Distillation, and what it learned was played against {fed} new balls. Every hop went over ROS 2 "
-        f"topics between processes.",
+        f"{metrics['subjects']} teachers led the arm {robot.name} by the hand through push, slice and "
+        f"topspin, forehand and backhand. The {taught} recorded strokes were replayed into Multi-Strategy "
+        f"Reward Distillation, and what it learned was played against {fed} new balls. Every hop went over "
+        f"ROS 2 topics between processes.",
     )
     report.numbers(
         [
@@ -67,7 +70,7 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
         ]
     )
     _write_rates(report, rows)
-    _write_films(report, out, [strategy.label for strategy in strategies])
+    _write_films(report, out, robot, [strategy.label for strategy in strategies])
     report.heading("Where the returned balls landed, and how they spun")
     report.figure(
         _landing_map(evaluation["labels"], strategies),
@@ -158,21 +161,21 @@ def _write_rates(report: Report, rows: dict[str, Any]) -> None:
         report.paragraph(f"Balls not returned: {told}.")
 
 
-def played_strokes(folder: Path) -> dict[StrategyLabel, Episode]:
+def played_strokes(folder: Path, robot: Robot) -> dict[StrategyLabel, Episode]:
     """One recorded stroke per label, one that the recorder accepted where there is one."""
     chosen: dict[StrategyLabel, Episode] = {}
     library = BagLibrary.scan(folder)
     for info in sorted(library.bags, key=lambda bag: not bag.kept):
         # A stroke that was kept although it was refused may not be whole; the page does without it.
         with suppress(UserError):
-            for episode in read_episodes(Bag(info.path)):
+            for episode in read_episodes(Bag(info.path), robot):
                 chosen.setdefault(episode.label, episode)
     return chosen
 
 
-def _write_films(report: Report, out: Path, labels: list[StrategyLabel]) -> None:
+def _write_films(report: Report, out: Path, robot: Robot, labels: list[StrategyLabel]) -> None:
     report.heading("What it looks like")
-    strokes = played_strokes(out / "played")
+    strokes = played_strokes(out / "played", robot)
     for label in labels:
         if label in strokes:
             report.picture(film_of(strokes[label]), f"{label}: {_describe(strokes[label])}")

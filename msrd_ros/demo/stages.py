@@ -18,10 +18,12 @@ from typing import Any
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_text
 from msrd_ros.learning.harness import RESULT_FILE
+from msrd_ros.robots.loading import DEFAULT_ROBOT, load_robot
 from msrd_ros.stack.monitor import Monitor
 from msrd_ros.stack.processes import NodeProcess, own_domain
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.training import POLICIES_FILE
+from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class DemoConfig:
         Training iterations, and balls played per strategy.
     seed
         Of the teachers, the training and the evaluation.
+    robot
+        Which arm: a name or a folder, as nodes take it.
     """
 
     out: Path
@@ -46,6 +50,7 @@ class DemoConfig:
     iterations: int | None = None
     balls: int = 100
     seed: int = 0
+    robot: str = DEFAULT_ROBOT
 
 
 class Demo:
@@ -61,6 +66,7 @@ class Demo:
         """All stages; the metrics, which are also written beside the report."""
         config = self.config
         _clear(config.out)
+        planned_strokes(load_robot(config.robot))
         with Monitor(self._environment) as monitor:
             self._stage("record", "Teach and record", monitor)
             recorded = monitor.values("recorder")
@@ -89,6 +95,7 @@ class Demo:
                 key: value for key, value in recorded.items() if key.startswith(("kept", "rejected"))
             },
             "strategy_matrix": training["strategy_matrix"],
+            "robot": load_robot(config.robot).name,
             "seed": config.seed,
             "subjects": config.subjects,
             "iterations": training["iterations"],
@@ -117,14 +124,20 @@ class Demo:
 
     def _record(self, stack: ExitStack) -> None:
         config = self.config
-        simulator = self._start(stack, "simulator", {"seed": config.seed})
-        recorder = self._start(stack, "recorder", {"directory": config.out / "bags"})
-        study = {"subjects": config.subjects, "recordings": config.recordings, "seed": config.seed}
+        simulator = self._start(stack, "simulator", {"robot": config.robot, "seed": config.seed})
+        recorder = self._start(stack, "recorder", {"robot": config.robot, "directory": config.out / "bags"})
+        study = {
+            "robot": config.robot,
+            "subjects": config.subjects,
+            "recordings": config.recordings,
+            "seed": config.seed,
+        }
         self._follow(stack, "demonstrator", study).wait((simulator, recorder))
 
     def _train(self, stack: ExitStack) -> None:
         config = self.config
         parameters: dict[str, Any] = {
+            "robot": config.robot,
             "source": "played",
             "wanted": config.subjects * config.recordings,
             "out": config.out / "training",
@@ -142,13 +155,20 @@ class Demo:
     def _play(self, stack: ExitStack) -> None:
         config = self.config
         policies = config.out / "training" / POLICIES_FILE
-        simulator = self._start(stack, "simulator", {"seed": config.seed + 1})
+        simulator = self._start(stack, "simulator", {"robot": config.robot, "seed": config.seed + 1})
         executor = self._start(
             stack,
             "executor",
-            {"checkpoint": policies, "ready_noise_rad": 0.03, "accept_policy": False, "seed": config.seed},
+            {
+                "robot": config.robot,
+                "checkpoint": policies,
+                "ready_noise_rad": 0.03,
+                "accept_policy": False,
+                "seed": config.seed,
+            },
         )
         evaluation = {
+            "robot": config.robot,
             "balls": config.balls,
             "seed": config.seed,
             "checkpoint": policies,
@@ -160,12 +180,21 @@ class Demo:
         """Record a few played strokes, as anybody would who wants to look at them later."""
         config = self.config
         policies = config.out / "training" / POLICIES_FILE
-        simulator = self._start(stack, "simulator", {"seed": config.seed + 2})
-        executor = self._start(stack, "executor", {"checkpoint": policies, "accept_policy": False})
-        recorder = self._start(
-            stack, "recorder", {"directory": config.out / "played", "subject": "robot", "keep": "all"}
+        simulator = self._start(stack, "simulator", {"robot": config.robot, "seed": config.seed + 2})
+        executor = self._start(
+            stack, "executor", {"robot": config.robot, "checkpoint": policies, "accept_policy": False}
         )
-        evaluation = {"balls": 2, "seed": config.seed + 1}
+        recorder = self._start(
+            stack,
+            "recorder",
+            {
+                "robot": config.robot,
+                "directory": config.out / "played",
+                "subject": "robot",
+                "keep": "all",
+            },
+        )
+        evaluation = {"robot": config.robot, "balls": 2, "seed": config.seed + 1}
         self._follow(stack, "evaluator", evaluation).wait((simulator, executor, recorder))
 
 
@@ -192,15 +221,22 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--balls", type=int, default=DemoConfig.balls, help="balls played per strategy")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--robot", default=DEFAULT_ROBOT, help="name of an arm, or a folder with robot.yaml")
     words = parser.parse_args(argv)
     config = DemoConfig(
-        words.out, words.subjects, words.recordings, words.iterations, words.balls, words.seed
+        words.out,
+        words.subjects,
+        words.recordings,
+        words.iterations,
+        words.balls,
+        words.seed,
+        words.robot,
     )
     try:
         metrics = Demo(config).run()
         from msrd_ros.demo.report import write_report
 
-        write_report(config.out, metrics)
+        write_report(config.out, metrics, load_robot(config.robot))
     except UserError as error:
         print(f"demo: error: {error}", file=sys.stderr, flush=True)
         return 2
