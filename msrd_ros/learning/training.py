@@ -96,7 +96,7 @@ def train(
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Threads that share out tensors this small wait for each other, ten times as long where cores are busy."""
+    """Threads that share out tensors this small wait for each other, ten times slower on busy cores."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
