@@ -21,11 +21,11 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format clean
+.PHONY: help venv demo test test-fast coverage docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 12
 	@echo "and the variables"
 	@echo "  PYTHON=...    Python 3.11 or 3.12 to make the environment with"
 	@echo "  PIP_ARGS=...  more arguments for pip, such as --extra-index-url of CPU-only torch builds"
@@ -41,7 +41,7 @@ $(STAMP): setup.py constraints.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) || { echo "make: $(PYTHON) cannot make environments: install its venv module (Debian, Ubuntu: python3-venv)" >&2; exit 2; }
 	@echo '*' > $(VENV)/.gitignore
 	@echo "Installing into $(VENV): one or two minutes; on Python 3.12 more, where pybullet compiles"
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[test,studies]'
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[all,test,docs]'
 	@touch $@
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report in OUT
@@ -49,6 +49,14 @@ demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes; report
 
 test: lint  ## Check style and types, run all tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
+	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 30 $(PYTEST_ARGS)
+
+coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
+	$(BIN)/python -m pytest --cov --cov-report term:skip-covered $(PYTEST_ARGS)
 
 lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff check
@@ -60,7 +68,11 @@ format: $(STAMP)  ## Put the code into shape, and write config/ anew from what t
 	$(BIN)/ruff check --fix
 	$(BIN)/python -m msrd_ros.nodes.parameter_files
 
+dist: $(STAMP)  ## Build wheel and source distribution into dist/
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist
+
 clean:  ## Remove the environment, caches and builds; out/ and runs/ stay
-	rm -rf build install log msrd_ros.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf build dist install log msrd_ros.egg-info .coverage .coverage.* .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -not -path './.git/*' -not -path './.venv*' -prune -exec rm -rf {} +
 	test ! -e $(VENV)/pyvenv.cfg || rm -rf $(VENV)

@@ -37,12 +37,25 @@ def tree(top: str) -> list[tuple[str, list[str]]]:
 
 # A sourced ROS installation has rclpy and the messages, built against NumPy 1; elsewhere wheels bring them.
 if os.environ.get("ROS_DISTRO"):
-    MIDDLEWARE = ["numpy>=1.26,<2"]
+    NUMPY, ROS = ["numpy>=1.26,<2"], []
 else:
-    MIDDLEWARE = ["numpy>=1.26", "ros-jazzy-rclpy[fastrtps]>=7.1,<8", "ros-jazzy-common-interfaces>=5.3,<6"]
+    NUMPY = ["numpy>=1.26"]
+    ROS = ["ros-jazzy-rclpy[fastrtps]>=7.1,<8", "ros-jazzy-common-interfaces>=5.3,<6"]
 
+# What the rooms from robots/ up to the nodes need beside it: simulators, teachers, stroke training, reports.
+SIMULATION = [
+    "matplotlib>=3.8",
+    "numba>=0.60",
+    "pillow>=10.1",
+    "pybullet>=3.2.6",
+    "scipy>=1.11.4",
+    "tensorboard>=2.15",
+]
+STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.1.6"]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
-MINARI = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5"]
+DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
+EXAMPLES = ["gymnasium[box2d]>=1.0"]
+DOCUMENTS = ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"]
 
 setup(
     name=NAME,
@@ -67,31 +80,36 @@ setup(
         *tree("bags"),
     ],
     install_requires=[
-        *MIDDLEWARE,
-        "matplotlib>=3.7",
-        "mcap>=1.1",
-        "numba>=0.59",
-        "pybullet>=3.2.6",
-        "pyyaml>=6",
-        "rosbags>=0.10",
+        *NUMPY,
+        "gymnasium>=1.0",
+        "lz4>=4.3",
+        "mcap>=1.2",
+        "pyyaml>=6.0.1",
+        "rosbags>=0.10.4",
         "safetensors>=0.4.3",
-        "scipy>=1.11",
-        "tensorboard>=2.14",
-        "torch>=2.2",
-        "tqdm>=4.65",
+        "torch>=2.3",
+        "tqdm>=4.66",
+        "zstandard>=0.22",
     ],
     extras_require={
-        "environments": ["gymnasium>=1.0"],
-        "examples": ["gymnasium[box2d]>=1.1"],
-        "minari": MINARI,
-        "studies": ["gymnasium[mujoco]>=1.0", "mujoco>=3.1"],
+        "ros": ROS,
+        "sim": SIMULATION,
+        "studies": STUDIES,
+        "minari": DATA_SETS,
+        "examples": EXAMPLES,
+        "docs": DOCUMENTS,
+        "all": [*ROS, *STUDIES, *DATA_SETS, *EXAMPLES],
         "test": [
+            "build>=1.2",
             "colcon-common-extensions>=0.3",
-            "gymnasium[box2d]>=1.1",
+            "hypothesis>=6.100",
             "mcap-ros2-support>=0.5",
-            *MINARI,
+            *DATA_SETS,
+            *EXAMPLES,
             "mypy>=1.11",
+            "packaging>=23",
             "pytest>=8",
+            "pytest-cov>=5",
             "pytest-timeout>=2.3",
             "ruff>=0.6",
             "setuptools<80",  # colcon-core needs the install command that later ones dropped

@@ -31,10 +31,11 @@ sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "helpers")]
 from msrd_ros.bags.reader import Bag  # noqa: E402
 from msrd_ros.bags.schemas import typestore  # noqa: E402
 from msrd_ros.bags.writer import keep_stroke  # noqa: E402
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel  # noqa: E402
+from msrd_ros.contract.labels import StrategyLabel  # noqa: E402
 from msrd_ros.contract.topics import BagMessage  # noqa: E402
 from msrd_ros.recordings.episodes import read_episodes  # noqa: E402
 from msrd_ros.recordings.library import BagLibrary  # noqa: E402
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS  # noqa: E402
 from processes import Installation, Launcher  # noqa: E402
 from stroke_source import SENT, StrokeSource  # noqa: E402
 from synthetic_strokes import at_root, described, stroke_messages, topics_of  # noqa: E402

@@ -29,7 +29,8 @@ from msrd_ros.studies.shared.evaluation import (
     mean_over,
     normalised,
 )
-from msrd_ros.studies.shared.methods import Method, make_trainer
+from msrd_ros.studies.shared.method import Exercise
+from msrd_ros.studies.shared.methods import PLAYING
 
 LEVELS = (0.9, 0.95)
 
@@ -65,8 +66,8 @@ def main() -> None:
     test = make_test_set(PENDULUM, demonstrators, 9401)
     truth = normalised(test.task_truth)
     budget = StudyPlan().budget
-    for method in (Method.AIRL, Method.MSRD):
-        trainer = make_trainer(PENDULUM, method, data, budget, 9402)
+    for method in ("airl", "msrd"):
+        trainer = PLAYING[method].start(Exercise(PENDULUM, data, budget, 9402))
         times, steps, correlations = [], [], []
         started = time.perf_counter()
         paused = 0.0
@@ -81,7 +82,7 @@ def main() -> None:
                 times.append(now - started - paused)
                 steps.append(trainer.environment_steps)
                 paused += time.perf_counter() - now
-        describe(f"msrd_ros {method.value}", times, steps, correlations)
+        describe(f"msrd_ros {method}", times, steps, correlations)
     if options.imitation_python is None:
         return
     with tempfile.TemporaryDirectory() as folder:

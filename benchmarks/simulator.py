@@ -24,7 +24,6 @@ sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "helpers")]
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 from made_up_policies import made_up_policies  # noqa: E402
-from msrd_ros.contract.labels import ALL_LABELS  # noqa: E402
 from msrd_ros.nodes.topic_rollouts import TopicCollector  # noqa: E402
 from msrd_ros.table_tennis.simulation.batched import (  # noqa: E402
     KinematicRallies,
@@ -32,6 +31,7 @@ from msrd_ros.table_tennis.simulation.batched import (  # noqa: E402
     RallyPlan,
 )
 from msrd_ros.table_tennis.simulation.world import WorldConfig  # noqa: E402
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS  # noqa: E402
 from msrd_ros.table_tennis.strokes.rollouts import BulletPlayers, StrokeBatch  # noqa: E402
 from stack import Stack  # noqa: E402
 
@@ -69,7 +69,7 @@ def in_bullet(workers: Sequence[int], episodes: int) -> None:
 def batched(threads: Sequence[int]) -> None:
     """The batched simulator, with random actions."""
     facts = made_up_policies().facts
-    plans = [RallyPlan(label.side, fact.ready_pose) for label, fact in facts.items()]
+    plans = [RallyPlan(fact.side, fact.ready_pose) for fact in facts.values()]
     for count in threads:
         simulator = KinematicRallies(plans, KinematicRalliesConfig(threads=count))
 

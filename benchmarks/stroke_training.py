@@ -22,9 +22,9 @@ from learning_core import PARTS, seconds_of_parts
 
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.config import MSRDConfig, PolicyReward
+from msrd_ros.learning.methods.msrd import Msrd
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
-from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.studies.table_tennis.recording import load_episodes
 from msrd_ros.table_tennis.strokes.training import StrokeTraining, StrokeTrainingConfig, mean_landing_points
 
@@ -64,6 +64,17 @@ def discriminator(**changes: Any) -> Change:
     return lambda config: replace(config, discriminator=replace(config.discriminator, **changes))
 
 
+class Changed(Msrd):
+    """MSRD with another recipe."""
+
+    def __init__(self, change: Change) -> None:
+        self._change = change
+
+    def configure(self, config: MSRDConfig, strategies: int) -> MSRDConfig:
+        """The change."""
+        return self._change(config)
+
+
 VARIANTS = {
     "the recipe": Variant(),
     "no cloning before": Variant(cloned=False),
@@ -87,11 +98,9 @@ def train(
     episodes = load_episodes(shipped_bags(), lambda line: None)
     noise_rad = 0.03 if variant.scattered else 0.0
     settings = StrokeTrainingConfig(iterations=iterations, seed=9100 + seed, ready_noise_rad=noise_rad)
-    training = StrokeTraining(episodes, mean_landing_points(episodes), settings)
+    method = Changed(variant.change)
+    training = StrokeTraining(episodes, mean_landing_points(episodes), settings, method=method)
     judging = StrokeTraining(episodes, {}, replace(settings, ready_noise_rad=0.03))
-    config = variant.change(training.trainer.config)
-    collector = BatchedCollector(training.simulator)
-    training.trainer = MSRD(config, training.demonstrations, collector, settings.seed)
     judging.trainer = training.trainer
     curve = []
     seconds = 0.0
@@ -99,6 +108,7 @@ def train(
     for iteration in range(iterations + 1):
         started = time.perf_counter()
         if iteration == iterations:
+            assert isinstance(training.trainer, MSRD)
             parts = seconds_of_parts([training.trainer])
         elif iteration:
             training.trainer.iterate()

@@ -22,8 +22,10 @@ class Command(NamedTuple):
     summary: str
 
 
+PACKAGE = "msrd_ros"
+
 EXECUTABLES: dict[str, Command] = {
-    "simulator": Command("msrd_ros.nodes.simulator", "Sawyer, table, ball, feeder and referee in PyBullet"),
+    "simulator": Command("msrd_ros.nodes.simulator", "arm, table, ball, feeder and referee in PyBullet"),
     "demonstrator": Command("msrd_ros.nodes.demonstrator", "teachers who lead the arm by the hand"),
     "recorder": Command("msrd_ros.nodes.recorder", "keep strokes that returned the ball as MCAP bags"),
     "player": Command("msrd_ros.nodes.player", "replay bags onto the topics"),
@@ -36,8 +38,12 @@ EXECUTABLES: dict[str, Command] = {
 
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
+    "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
     "demo": Command("msrd_ros.demo.stages", "the whole stack: teach, record, replay, train, play, report"),
 }
+
+EXTRAS = {"nodes": "ros,sim", "demo": "ros,sim", "studies": "studies"}
+"""Extras of the installation that commands need, by the room that a command lives in."""
 
 USER_ERROR = 2
 INTERRUPTED = 130
@@ -76,17 +82,17 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(name: str, arguments: list[str]) -> int:
+    module = COMMANDS[name].module
     try:
-        module = importlib.import_module(COMMANDS[name].module)
+        return int(importlib.import_module(module).main(arguments))
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
-        if missing in ("", "msrd_ros"):
+        if missing in ("", PACKAGE):
             raise
         raise UserError(
-            f"the Python package {missing!r} is missing for {sys.executable}; "
-            "install it as README.md says under Installing"
+            f"the Python package {missing!r} is missing for {sys.executable}; install what {name} needs: "
+            f"pip install '{PACKAGE}[{EXTRAS.get(module.split('.')[1], 'all')}]'"
         ) from error
-    return int(module.main(arguments))
 
 
 def _usage() -> str:

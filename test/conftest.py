@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 from rclpy.node import Node
 
 from builds import colcon
@@ -24,6 +25,9 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["RCUTILS_COLORIZED_OUTPUT"] = "0"
 # Threads that share out tensors this small wait for each other: ten times slower where other work has a core.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# The same examples in every run; whoever looks for new ones says --hypothesis-profile=default.
+settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
+settings.load_profile("repeatable")
 provide_writable_directories(os.environ)
 choose_compiled_cache(os.environ)
 

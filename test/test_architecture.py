@@ -6,6 +6,8 @@ Every import counts, also those inside functions and under TYPE_CHECKING.
 from __future__ import annotations
 
 import ast
+import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -58,8 +60,11 @@ ROOMS = {
     "contract": Room({"core", "robots"}, _GROUND),
     "bags": Room({"core", "robots", "contract"}, ROS | BULLET | TORCH | DRAWING),
     "learning": Room({"core"}, ROS | BULLET | BAGS | DRAWING),
-    "table_tennis/ball": Room({"core", "robots", "contract"}, _GROUND),
-    "table_tennis/arm": Room({"core", "robots", "contract", "table_tennis/ball"}, _GROUND),
+    "table_tennis/strategies": Room({"core", "contract"}, _GROUND),
+    "table_tennis/ball": Room({"core", "contract", "table_tennis/strategies"}, _GROUND),
+    "table_tennis/arm": Room(
+        {"core", "robots", "contract", "table_tennis/strategies", "table_tennis/ball"}, _GROUND
+    ),
 }
 ROOMS["table_tennis/simulation"] = Room(
     {*ROOMS["table_tennis/arm"].below, "table_tennis/arm"}, ROS | TORCH | BAGS | DRAWING
@@ -168,3 +173,43 @@ def test_a_wrong_import_is_seen(
     path.parent.mkdir(parents=True)
     path.write_text(code, encoding="utf-8")
     assert [line for line in violations(name, path) if blame in line]
+
+
+TASK = ("table_tennis", "studies", "demo")
+"""Where sides and strokes have names; everywhere else a strategy is data."""
+
+_NAMES = re.compile(r"forehand|backhand|topspin", re.IGNORECASE)
+_WORDS = re.compile(r"\b(push|slice)\b", re.IGNORECASE)
+
+
+def named_strokes(path: Path) -> list[str]:
+    """Lines of a file that name a side or a stroke; Python's own `slice` outside texts does not count."""
+    found = []
+    with path.open("rb") as stream:
+        for token in tokenize.tokenize(stream.readline):
+            said = token.type not in (tokenize.NAME, tokenize.ENCODING) and _WORDS.search(token.string)
+            if said or _NAMES.search(token.string):
+                found.append(f"{path}:{token.start[0]}: {token.line.strip()}")
+    return found
+
+
+def test_nothing_outside_the_task_names_a_side_or_a_stroke() -> None:
+    files = [path for path in sorted(ROOT.rglob("*.py")) if path.relative_to(ROOT).parts[0] not in TASK]
+    assert files
+    found = [line for path in files for line in named_strokes(path)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("code", "lines"),
+    [
+        ("side = Side.FOREHAND\n", 1),
+        ("label = 'my push'\n", 1),
+        ("x = 1  # like a slice\n", 1),
+        ("part = slice(0, 3)\n", 0),
+    ],
+)
+def test_a_named_stroke_is_seen(code: str, lines: int, tmp_path: Path) -> None:
+    path = tmp_path / "some.py"
+    path.write_text(code, encoding="utf-8")
+    assert len(named_strokes(path)) == lines

@@ -20,6 +20,8 @@ from msrd_ros.__main__ import EXECUTABLES
 from msrd_ros.nodes.parameter_files import NODES, config_type, parameter_file
 from processes import CHECKOUT, PACKAGE, Installation
 
+pytestmark = pytest.mark.slow
+
 SHARED_FOLDERS = ("config", "launch", "bags")
 
 
@@ -125,7 +127,7 @@ def test_launch_file_starts_what_there_is(path: Path) -> None:
 def test_every_node_has_a_parameter_file_and_every_file_a_node() -> None:
     nodes = {name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")}
     assert set(NODES) == nodes
-    assert {path.stem for path in (CHECKOUT / "config").iterdir()} == nodes
+    assert {path.stem for path in (CHECKOUT / "config").iterdir()} == {*nodes, "strategies"}
 
 
 @pytest.mark.parametrize("node", NODES)

@@ -8,7 +8,7 @@ demonstrations = msrd.example_demonstrations("lunar_lander")
 learned = msrd.train(demonstrations, ENVIRONMENT)
 
 # Columns: x, y, vx, vy, angle, rate, left leg, right leg.
-landed, crashed = [0, 0, 0, 0, 0, 0, 1, 1], [0.5, 0, 0, 0, 1.5, 0, 1, 0]
+landed, crashed = [0.0, 0, 0, 0, 0, 0, 1, 1], [0.5, 0, 0, 0, 1.5, 0, 1, 0]
 print("task reward, landed and crashed:", learned.task_reward([landed, crashed]))
 for name in learned.labels:
     sides = learned.strategy_reward(name, [[x, 0.7, 0, -0.3, 0, 0, 0, 0] for x in (-0.3, 0.3)])

@@ -42,7 +42,8 @@ _BROKEN = (
 """What the storage readers raise when a file is cut off or damaged."""
 
 _NEEDED = (JOINT_STATES, BALL_POSITION)
-_LABELLED = (STRATEGY, OUTCOME, JOINT_STATES)
+_LABELLED = (STRATEGY, OUTCOME)
+"""Joint states carry labels as well, but only repeat what these say: any other name is a driver's frame."""
 
 
 class BagEntry(NamedTuple):
@@ -97,7 +98,7 @@ class Bag:
         Raises
         ------
         UserError
-            If the files are damaged, or labels in the headers are unknown, missing or contradict the bag.
+            If the files are damaged, or labels in the headers are ill-formed, missing or contradict the bag.
         """
         where = f"bag {self.info.path}"
         try:
@@ -144,7 +145,7 @@ class Bag:
         Raises
         ------
         UserError
-            If a label is unknown, one contradicts the bag's metadata or name, or there is none.
+            If a label is no well-formed name, one contradicts the bag's metadata or name, or there is none.
         """
         where = f"bag {self.info.path}"
         stated = self.info.label
@@ -156,17 +157,15 @@ class Bag:
         }
         found = set() if stated is None else {stated}
         for role, text in sorted(seen):
-            label = StrategyLabel.parse_optional(text)
-            # ros2_control's broadcaster writes a frame of its own into joint_states: unlabelled, no error.
-            if label is None and text and role != JOINT_STATES:
-                label = StrategyLabel.parse(text, f"{where}: topic {self.topics[role]}")
-            if label is not None and stated not in (None, label):
+            if not text:
+                continue
+            label = StrategyLabel.parse(text, f"{where}: topic {self.topics[role]}")
+            if stated not in (None, label):
                 raise UserError(
                     f"{where}: topic {self.topics[role]} says {label}, the bag's metadata or name {stated}; "
                     f"correct them or leave the bag out"
                 )
-            if label is not None:
-                found.add(label)
+            found.add(label)
         if not found:
             raise UserError(
                 f"{where}: has no strategy label, neither in its headers nor in its metadata; record with "

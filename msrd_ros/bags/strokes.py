@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -132,7 +132,8 @@ def cut_stroke(
     """
     outcome = arrivals[-1]
     times = _log_times(arrivals, simulated)
-    begin = _launch_index(arrivals)
+    said = _said(arrivals, strategy)
+    begin = _launch_index(arrivals, said)
     launch_ns = times[begin]
     first_ns = max(launch_ns - int(settings.pre_roll_s * 1e9), times[0])
     strategy = _strategy_in_effect(arrivals, begin, strategy, _label_of(outcome))
@@ -148,7 +149,7 @@ def cut_stroke(
         time_ns = max(time_ns, first_ns) if arrival.role == FEED else time_ns
         if time_ns < first_ns or arrival.role == STRATEGY:
             continue
-        if index < begin and arrival.role == JOINT_STATES and _label_of(arrival) not in (None, label):
+        if index < begin and arrival.role == JOINT_STATES and _label_of(arrival) in said - {label}:
             continue  # the tail of the stroke before
         lost += arrival.lost_before if arrival.role in STATES else 0
         if arrival.role in STATES and previous.get(arrival.role) == arrival.data:
@@ -172,13 +173,20 @@ def read_decision(data: bytes) -> Decision:
     return Decision()
 
 
-def _launch_index(arrivals: Sequence[Arrival]) -> int:
+def _said(arrivals: Sequence[Arrival], earlier: Arrival | None) -> set[StrategyLabel]:
+    """What `strategy` and `rally/outcome` say: in a joint state any other name is a driver's frame."""
+    saying = [arrival for arrival in arrivals if arrival.role in (STRATEGY, OUTCOME)]
+    labels = {_label_of(arrival) for arrival in (*saying, *([earlier] if earlier else []))}
+    return {label for label in labels if label is not None}
+
+
+def _launch_index(arrivals: Sequence[Arrival], said: Set[StrategyLabel]) -> int:
     """Where the launch is: joint states begin to carry a label; else the feed; else the strategy's setting.
 
     A feed may be asked for long before its launch: the arm has to be ready first.
     """
     joints = [index for index, arrival in enumerate(arrivals) if arrival.role == JOINT_STATES]
-    labelled = [_label_of(arrivals[index]) is not None for index in joints]
+    labelled = [_label_of(arrivals[index]) in said for index in joints]
     begins = [joints[i] for i in range(1, len(joints)) if labelled[i] and not labelled[i - 1]]
     if begins:
         return begins[-1]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
-from msrd_ros.robots.sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
+from msrd_ros.robots.loading import default_robot
+from msrd_ros.robots.robot import Robot
 
 CONTROL_PERIOD_S = 0.02
 """Period of the policies' control loop."""
@@ -23,8 +24,7 @@ FIRST_ACTING_STEP = 1
 ACTING_STEPS = 62
 """Steps in which the policy acts; afterwards the arm comes to rest while the ball flies on."""
 
-OBSERVATION_NAMES: tuple[str, ...] = (
-    *JOINT_NAMES,
+BALL_NAMES: tuple[str, ...] = (
     "ball_x_m",
     "ball_y_m",
     "ball_z_m",
@@ -32,13 +32,17 @@ OBSERVATION_NAMES: tuple[str, ...] = (
     "ball_velocity_y_m_s",
     "ball_velocity_z_m_s",
 )
-"""What a policy sees. Joint rates are left out on purpose: a cloned policy would copy its own motion."""
-
-ACTION_NAMES: tuple[str, ...] = tuple(f"{name}_speed_fraction" for name in JOINT_NAMES)
-"""What a policy says: each joint's velocity as a fraction of its speed limit."""
-
-BALL_INPUTS: tuple[int, ...] = tuple(range(7, 13))
 """Columns of the observation that tell of the ball: all that the task reward sees."""
+
+
+def observation_names(robot: Robot) -> tuple[str, ...]:
+    """What a policy sees. Joint rates are left out on purpose: a cloned policy would copy its own motion."""
+    return (*robot.joint_names, *BALL_NAMES)
+
+
+def action_names(robot: Robot) -> tuple[str, ...]:
+    """What a policy says: each joint's velocity as a fraction of its speed limit."""
+    return tuple(f"{name}_speed_fraction" for name in robot.joint_names)
 
 
 def observe(
@@ -46,13 +50,13 @@ def observe(
     ball_position: NDArray[np.float64],
     ball_velocity: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Put an observation together: (..., 7), (..., 3) and (..., 3) to (..., 13), in SI units."""
+    """Put an observation together: (..., N), (..., 3) and (..., 3) to (..., N + 6), in SI units."""
     return np.concatenate([joint_position, ball_position, ball_velocity], axis=-1)
 
 
-def action_to_velocity(action: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Joint velocity in rad/s that an action (..., 7) asks for; beyond [-1, 1] it is clipped."""
-    return np.clip(action, -1.0, 1.0) * SPEED_LIMIT_RAD_S
+def action_to_velocity(robot: Robot, action: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joint velocity in rad/s that an action (..., N) asks for; beyond [-1, 1] it is clipped."""
+    return np.clip(action, -1.0, 1.0) * robot.limits.speed_rad_s
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ class Episode:
     label
         The strategy that was shown or played.
     joint_position, joint_velocity
-        Shape (T + 1, 7), rad and rad/s, as measured.
+        Shape (T + 1, N), rad and rad/s, as measured.
     ball_position, ball_velocity
         Shape (T + 1, 3), m and m/s, as a camera sees them.
     subject
@@ -73,6 +77,8 @@ class Episode:
         Where it comes from (a bag's path, a topic), for error messages.
     outcome
         What became of the ball, if a referee said so; for reports, never an input to learning.
+    robot
+        Whose joints they are, N of them.
     """
 
     label: StrategyLabel
@@ -83,17 +89,18 @@ class Episode:
     subject: str = ""
     source: str = ""
     outcome: Outcome | None = None
+    robot: Robot = field(default_factory=default_robot)
 
     @property
     def observations(self) -> NDArray[np.float64]:
-        """Observations, shape (T + 1, 13), in the order of `OBSERVATION_NAMES`."""
+        """Observations, shape (T + 1, N + 6), in the order of `observation_names`."""
         return observe(self.joint_position, self.ball_position, self.ball_velocity)
 
     @property
     def actions(self) -> NDArray[np.float64]:
-        """Actions that lead from each state to the next, shape (T, 7).
+        """Actions that lead from each state to the next, shape (T, N).
 
         A command asks for the velocity at the end of its period, so the action of step t is the
         velocity measured at t + 1 as a fraction of the speed limit.
         """
-        return np.clip(self.joint_velocity[1:] / SPEED_LIMIT_RAD_S, -1.0, 1.0)
+        return np.clip(self.joint_velocity[1:] / self.robot.limits.speed_rad_s, -1.0, 1.0)

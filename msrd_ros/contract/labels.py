@@ -1,41 +1,35 @@
-"""Strategy labels: ``<side>-<stroke>``, as they travel in message headers.
+"""Strategy labels: the names of strategies, as they travel in message headers.
 
-This module owns parsing and formatting: nothing else takes a label apart, and no text becomes part of
-a path before it has passed `StrategyLabel.parse`.
+This module owns what a well-formed name is; what is known of a strategy beside its name is the task's matter.
+No text becomes part of a path before it has become a `StrategyLabel`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
+import re
 
 from msrd_ros.core.errors import UserError
 
+_WELL_FORMED = re.compile(r"[a-z0-9-]{1,64}")
 
-class Side(StrEnum):
-    """Side of the paddle that meets the ball."""
-
-    FOREHAND = "forehand"
-    BACKHAND = "backhand"
+FRAME_NAMES = frozenset({"world", "base", "map", "odom", "earth"})
+"""Frames that drivers and TF call so everywhere: none of them is taken for a strategy."""
 
 
-class Stroke(StrEnum):
-    """Stroke of table tennis, told apart by the spin it puts on the ball."""
+class StrategyLabel(str):
+    """The name of a strategy: 1 to 64 of a-z, 0-9 and hyphen, and no common frame's name.
 
-    PUSH = "push"
-    SLICE = "slice"
-    TOPSPIN = "topspin"
+    Raises
+    ------
+    UserError
+        If the text is no such name.
+    """
 
+    __slots__ = ()
 
-@dataclass(frozen=True, order=True)
-class StrategyLabel:
-    """One of the six strategies, for example ``forehand-topspin``."""
-
-    side: Side
-    stroke: Stroke
-
-    def __str__(self) -> str:
-        return f"{self.side.value}-{self.stroke.value}"
+    def __new__(cls, text: str) -> StrategyLabel:
+        """Read a label; see `parse`."""
+        return cls.parse(text)
 
     @classmethod
     def parse(cls, text: str, where: str = "strategy label") -> StrategyLabel:
@@ -44,21 +38,22 @@ class StrategyLabel:
         Parameters
         ----------
         text
-            For example ``backhand-slice``.
+            For example ``my-smash``.
         where
             What to blame in the error, for example ``topic strategy`` or a bag's path.
 
         Raises
         ------
         UserError
-            If `text` is none of the six labels.
+            If `text` is no well-formed name.
         """
-        side, _, stroke = text.partition("-")
-        try:
-            return cls(Side(side), Stroke(stroke))
-        except ValueError:
-            known = ", ".join(str(label) for label in ALL_LABELS)
-            raise UserError(f"{where}: unknown strategy label {text!r}; use one of {known}") from None
+        if not _WELL_FORMED.fullmatch(text):
+            raise UserError(
+                f"{where}: {text!r} is no strategy label; use 1 to 64 of a-z, 0-9 and hyphen, as in my-smash"
+            )
+        if text in FRAME_NAMES:
+            raise UserError(f"{where}: {text!r} is a frame's name and no strategy label; choose another")
+        return str.__new__(cls, text)
 
     @classmethod
     def parse_optional(cls, text: str) -> StrategyLabel | None:
@@ -67,8 +62,3 @@ class StrategyLabel:
             return cls.parse(text)
         except UserError:
             return None
-
-
-ALL_LABELS: tuple[StrategyLabel, ...] = tuple(
-    StrategyLabel(side, stroke) for side in Side for stroke in Stroke
-)

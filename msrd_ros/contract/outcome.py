@@ -58,7 +58,7 @@ class Outcome:
     landing_x_m, landing_y_m
         The first bounce on the far half after the hit.
     spin_x_rad_s, spin_y_rad_s, spin_z_rad_s
-        Right after the first touch of the paddle; positive y is topspin of a ball that flies forward.
+        Right after the first touch of the paddle; positive y makes a ball that flies forward dip.
     velocity_x_m_s, velocity_y_m_s, velocity_z_m_s
         Right after the first touch of the paddle.
     net_touched

@@ -16,7 +16,8 @@ from msrd_ros.contract.episode import CONTROL_PERIOD_S, HORIZON, Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.sawyer import JOINT_COUNT, JOINT_NAMES
+from msrd_ros.robots.loading import default_robot
+from msrd_ros.robots.robot import Robot
 
 NANOSECONDS = 1_000_000_000
 
@@ -41,21 +42,25 @@ def ns_to_stamp(time_ns: int, stamp: Any) -> None:
 
 
 class JointStateTranslator:
-    """Reads sensor_msgs/JointState: right_j0..right_j6 by name, in any order, extra joints ignored.
+    """Reads sensor_msgs/JointState: the robot's joints by name, in any order, extra joints ignored.
 
     Parameters
     ----------
+    robot
+        Whose joints, N of them.
     where
         What to blame in errors, for example ``topic joint_states``.
     """
 
-    def __init__(self, where: str = "topic joint_states") -> None:
+    def __init__(self, robot: Robot, where: str = "topic joint_states") -> None:
+        self._wanted = robot.joint_names
+        self._robot = robot.name
         self._where = where
         self._names: tuple[str, ...] = ()
         self._order: NDArray[np.intp] = np.arange(0)
 
     def read(self, message: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Positions (7,) in rad and velocities (7,) in rad/s.
+        """Positions (N,) in rad and velocities (N,) in rad/s.
 
         Raises
         ------
@@ -69,13 +74,13 @@ class JointStateTranslator:
         return self._take(message.position, "position"), self._take(message.velocity, "velocity")
 
     def _find(self, names: tuple[str, ...]) -> NDArray[np.intp]:
-        missing = [joint for joint in JOINT_NAMES if joint not in names]
+        missing = [joint for joint in self._wanted if joint not in names]
         if missing:
             raise UserError(
-                f"{self._where}: joint {', '.join(missing)} is missing; "
-                f"publish all of {JOINT_NAMES[0]}..{JOINT_NAMES[-1]} in one message"
+                f"{self._where}: joint {', '.join(missing)} of {self._robot} is missing; publish all of "
+                f"{self._wanted[0]}..{self._wanted[-1]} in one message, or say robot:=<yours>"
             )
-        return np.array([names.index(joint) for joint in JOINT_NAMES])
+        return np.array([names.index(joint) for joint in self._wanted])
 
     def _take(self, values: Any, field: str) -> NDArray[np.float64]:
         array = np.asarray(values, dtype=np.float64)
@@ -86,7 +91,7 @@ class JointStateTranslator:
             )
         taken = array[self._order]
         if not np.isfinite(taken).all():
-            joint = JOINT_NAMES[int(np.flatnonzero(~np.isfinite(taken))[0])]
+            joint = self._wanted[int(np.flatnonzero(~np.isfinite(taken))[0])]
             raise UserError(f"{self._where}: {field} of joint {joint} is not finite; check the driver")
         return taken
 
@@ -166,11 +171,18 @@ class EpisodeAssembler:
     ball the newest sample that had arrived by each tick counts, as it does for the live executor.
     """
 
-    def __init__(self, label: StrategyLabel, subject: str = "", source: str = "topics") -> None:
+    def __init__(
+        self,
+        label: StrategyLabel,
+        subject: str = "",
+        source: str = "topics",
+        robot: Robot | None = None,
+    ) -> None:
+        self._robot = robot or default_robot()
         self._label = label
         self._subject = subject
         self._source = source
-        self._joints = JointStateTranslator(f"{source}: joint_states")
+        self._joints = JointStateTranslator(self._robot, f"{source}: joint_states")
         self._joint_rows: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
         self._ball_rows: list[tuple[int, NDArray[np.float64]]] = []
         self._outcome: Outcome | None = None
@@ -189,7 +201,7 @@ class EpisodeAssembler:
         _, self._outcome = read_outcome(message, f"{self._source}: rally/outcome")
 
     def add_joints(self, time_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """Take joint positions and velocities, (7,) each; a time that is not new is passed over."""
+        """Take joint positions and velocities, (N,) each; a time that is not new is passed over."""
         if not self._joint_rows or time_ns > self._joint_rows[-1][0]:
             self._joint_rows.append((time_ns, position, velocity))
 
@@ -240,6 +252,7 @@ class EpisodeAssembler:
             self._subject,
             self._source,
             self._outcome,
+            self._robot,
         )
 
     def _launch_ns(self, joint_times: NDArray[np.int64]) -> int:
@@ -259,7 +272,9 @@ class EpisodeAssembler:
         values = np.array([row[column] for row in self._joint_rows])
         since = (times - times[0]).astype(np.float64)
         wanted = (ticks - times[0]).astype(np.float64)
-        return np.stack([np.interp(wanted, since, values[:, j]) for j in range(JOINT_COUNT)], axis=1)
+        return np.stack(
+            [np.interp(wanted, since, values[:, j]) for j in range(self._robot.joint_count)], axis=1
+        )
 
     def _track_ball(self, ticks: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         stamps = np.array([row[0] for row in self._ball_rows], dtype=np.int64)

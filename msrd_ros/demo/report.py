@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import Episode
-from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
@@ -21,11 +21,12 @@ from msrd_ros.reports.page import Report
 from msrd_ros.reports.stroke_figures import (
     SIDE_LINES,
     SIDE_MARKERS,
-    STROKE_COLOURS,
+    by_side,
     draw_matrix,
     spin_histograms,
 )
 from msrd_ros.table_tennis.ball.scene import Scene
+from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,7 +45,8 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
     """
     training = json.loads((out / "training" / "training.json").read_text())
     evaluation = json.loads((out / "evaluation.json").read_text())
-    labels = [StrategyLabel.parse(text) for text in training["labels"]]
+    table = Strategies.shipped()
+    strategies = [table.of(StrategyLabel.parse(text)) for text in training["labels"]]
     rows, seconds = metrics["labels"], metrics["seconds"]
     taught = sum(row["demonstrations"] for row in rows.values())
     fed = sum(row["fed"] for row in rows.values())
@@ -65,20 +67,24 @@ def write_report(out: Path, metrics: dict[str, Any]) -> None:
         ]
     )
     _write_rates(report, rows)
-    _write_films(report, out, labels)
+    _write_films(report, out, [strategy.label for strategy in strategies])
     report.heading("Where the returned balls landed, and how they spun")
     report.figure(
-        _landing_map(evaluation["labels"], labels),
+        _landing_map(evaluation["labels"], strategies),
         "Seen from above, the robot on the left. Every returned ball's first bounce on the far half.",
     )
     report.figure(
-        spin_histograms({label: row["spins"] for label, row in evaluation["labels"].items()}, labels),
+        spin_histograms(
+            {label: row["spins"] for label, row in evaluation["labels"].items()},
+            strategies,
+            table.spin_borders,
+        ),
         "Spin about the horizontal axis across the table just after the hit, returned balls; positive is "
         "topspin. Dotted: the borders between the three spin classes.",
     )
     report.heading("Learning")
     report.figure(
-        _training_curves(training, labels),
+        _training_curves(training, strategies),
         "Returned balls over training, mean policies in the batched simulator; iteration 0 is behaviour "
         "cloning. The rates in the table above are played in Bullet, over topics.",
     )
@@ -98,8 +104,9 @@ def _share(rows: dict[str, Any], name: str) -> float:
 
 
 def _spin_share(rows: dict[str, Any]) -> float:
-    returned: int = sum(row["returned"] for row in rows.values())
-    right: int = sum(row["spin_class_right"] for row in rows.values())
+    judged = [row for row in rows.values() if row["spin_class_right"] is not None]
+    returned: int = sum(row["returned"] for row in judged)
+    right: int = sum(row["spin_class_right"] for row in judged)
     return right / max(returned, 1)
 
 
@@ -196,46 +203,46 @@ def _draw_table(axes: Axes) -> None:
     axes.set_aspect("equal")
 
 
-def _landing_map(rates: dict[str, Any], labels: list[StrategyLabel]) -> Figure:
+def _landing_map(rates: dict[str, Any], strategies: list[Strategy]) -> Figure:
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(1, 2, figsize=(11, 3.6), sharey=True)
-    for axes, side in zip(panels, Side, strict=True):
+    grouped = by_side(strategies)
+    figure, panels = plt.subplots(1, len(grouped), figsize=(11, 3.6), sharey=True)
+    for axes, (title, group) in zip(panels, grouped.items(), strict=True):
         _draw_table(axes)
-        for label in labels:
-            points = np.array(rates[str(label)]["landing_points"]).reshape(-1, 2)
-            if label.side is side:
-                axes.scatter(
-                    points[:, 0],
-                    points[:, 1],
-                    s=16,
-                    color=STROKE_COLOURS[label.stroke],
-                    marker=SIDE_MARKERS[side],
-                    alpha=0.7,
-                    label=label.stroke.value,
-                    linewidths=0,
-                )
-        axes.set_title(side.value)
+        for strategy in group:
+            points = np.array(rates[str(strategy.label)]["landing_points"]).reshape(-1, 2)
+            axes.scatter(
+                points[:, 0],
+                points[:, 1],
+                s=16,
+                color=strategy.colour,
+                marker=SIDE_MARKERS[strategy.side],
+                alpha=0.7,
+                label=strategy.stroke,
+                linewidths=0,
+            )
+        axes.set_title(title)
         axes.set_xlabel("x, m")
         axes.legend(loc="lower left", fontsize=8, framealpha=0.9)
     panels[0].set_ylabel("y, m")
     return figure
 
 
-def _training_curves(training: dict[str, Any], labels: list[StrategyLabel]) -> Figure:
+def _training_curves(training: dict[str, Any], strategies: list[Strategy]) -> Figure:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(8.5, 3.6))
     iterations = [point["iteration"] for point in training["curve"]]
-    for index, label in enumerate(labels):
+    for index, strategy in enumerate(strategies):
         axes.plot(
             iterations,
             [100 * point["returned"][index] for point in training["curve"]],
-            SIDE_LINES[label.side],
-            color=STROKE_COLOURS[label.stroke],
-            marker=SIDE_MARKERS[label.side],
+            SIDE_LINES[strategy.side],
+            color=strategy.colour,
+            marker=SIDE_MARKERS[strategy.side],
             markersize=4,
-            label=str(label),
+            label=str(strategy.label),
         )
     axes.set_xlabel("iterations over all strategies")
     axes.set_ylabel("returned, %")

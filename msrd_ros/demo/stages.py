@@ -15,12 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_text
+from msrd_ros.learning.harness import RESULT_FILE
 from msrd_ros.stack.monitor import Monitor
 from msrd_ros.stack.processes import NodeProcess, own_domain
-from msrd_ros.table_tennis.strokes.training import POLICIES_FILE, RESULT_FILE
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strokes.training import POLICIES_FILE
 
 
 @dataclass(frozen=True)

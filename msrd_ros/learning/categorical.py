@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.special import ndtr
 from torch import Tensor, nn
 
 from msrd_ros.learning.networks import BatchedMLP, Features
@@ -97,11 +96,11 @@ class CategoricalPolicies(nn.Module):
     ) -> NDArray[np.float32]:
         """Action indices ``[S, K, 1]``; `noise` as for Gaussian policies, None plays the likeliest."""
         states = torch.as_tensor(observations, dtype=torch.float32)
-        log_probs = self.distribution(states).log_probs
+        log_probs: Tensor = self.distribution(states).log_probs
         if noise is None:
             return log_probs.argmax(dim=-1, keepdim=True).to(torch.float32).numpy()
-        uniform = torch.as_tensor(ndtr(np.asarray(noise, dtype=np.float64)))
-        beneath = (log_probs.exp().double().cumsum(dim=-1) < uniform).sum(dim=-1, keepdim=True)
+        uniform = torch.special.ndtr(torch.as_tensor(noise, dtype=torch.float64))
+        beneath: Tensor = (log_probs.exp().double().cumsum(dim=-1) < uniform).sum(dim=-1, keepdim=True)
         return beneath.clamp(max=log_probs.shape[-1] - 1).to(torch.float32).numpy()
 
     @torch.no_grad()

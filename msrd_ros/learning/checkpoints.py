@@ -19,8 +19,8 @@ from safetensors.torch import save as save_tensors
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.layout import Layout
-from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.method import Learner
+from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy import PREFIX, PolicySet, make_header, read_header
 
 TRAINER_PREFIX = "trainer/"
@@ -40,10 +40,16 @@ _RENAMED = {
 """Names of 0.1.0, and what they are called now."""
 
 
-def export_policies(
-    policies: GaussianPolicies, layout: Layout, details: dict[str, Any] | None = None
-) -> PolicySet:
-    """The policies as the executor plays them."""
+def export_policies(policies: Policies, layout: Layout, details: dict[str, Any] | None = None) -> PolicySet:
+    """The policies as the executor plays them.
+
+    Raises
+    ------
+    UserError
+        If they are not Gaussian.
+    """
+    if not isinstance(policies, GaussianPolicies):
+        raise UserError("only Gaussian policies can be kept; use MSRD itself for others")
     layers = enumerate(zip(policies.network.weights, policies.network.biases, strict=True))
     tensors: dict[str, np.ndarray] = {}
     for layer, (weight, bias) in layers:
@@ -55,7 +61,7 @@ def export_policies(
     return PolicySet(layout, tensors, details or {})
 
 
-def save_checkpoint(path: Path, trainer: MSRD, metrics: dict[str, float] | None = None) -> None:
+def save_checkpoint(path: Path, trainer: Learner, metrics: dict[str, float] | None = None) -> None:
     """Write `trainer` to `path`, whole or not at all.
 
     Raises
@@ -63,8 +69,6 @@ def save_checkpoint(path: Path, trainer: MSRD, metrics: dict[str, float] | None 
     UserError
         If the file cannot be written.
     """
-    if not isinstance(trainer.policies, GaussianPolicies):
-        raise TypeError("only trainers of Gaussian policies have checkpoints")
     tensors: dict[str, torch.Tensor] = {}
     tree = _detach_tensors(trainer.state_dict(), tensors)
     details = {
@@ -80,7 +84,7 @@ def save_checkpoint(path: Path, trainer: MSRD, metrics: dict[str, float] | None 
     write_atomically(Path(path), data)
 
 
-def load_checkpoint(path: Path, trainer: MSRD) -> None:
+def load_checkpoint(path: Path, trainer: Learner) -> None:
     """Take up training where `path` left it.
 
     Parameters

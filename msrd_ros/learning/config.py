@@ -208,6 +208,27 @@ class ReplayConfig:
 
 
 @dataclass(frozen=True)
+class RefitConfig:
+    """Settings of `MSRD.refit_on_replay`.
+
+    Attributes
+    ----------
+    steps
+        Adam steps.
+    negatives
+        Where they come from: the shares.
+    ema_rate
+        Of the moving average of the weights.
+    """
+
+    steps: int = 600
+    negatives: ReplayConfig = field(
+        default_factory=lambda: ReplayConfig(replay_share=0.6, snapshot_share=0.4)
+    )
+    ema_rate: float = 0.003
+
+
+@dataclass(frozen=True)
 class PolicyConfig:
     """Gaussian policies.
 

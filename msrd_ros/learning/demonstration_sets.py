@@ -110,7 +110,7 @@ def demonstrations_from_minari(
         import minari
         from gymnasium import spaces
     except ImportError as error:
-        raise UserError(f"{error.name} is not installed; pip install minari gymnasium") from None
+        raise UserError(f"{error.name} is not installed; pip install 'msrd_ros[minari]'") from None
     if isinstance(dataset, str):
         try:
             dataset = minari.load_dataset(dataset)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.rewards import RewardModel
@@ -60,6 +61,8 @@ class Learner(Protocol):
     ----------
     config
         Settings as the method has changed them; ``config.iterations`` iterations are planned.
+    layout
+        Names of observations, actions and strategies.
     policies
         One policy for each row of the method's demonstrations.
     iterations_done, environment_steps
@@ -67,6 +70,7 @@ class Learner(Protocol):
     """
 
     config: MSRDConfig
+    layout: Layout
     policies: Policies
     iterations_done: int
     environment_steps: int

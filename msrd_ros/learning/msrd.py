@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
-from msrd_ros.learning.config import MSRDConfig, PolicyReward, ReplayConfig
+from msrd_ros.learning.config import MSRDConfig, PolicyReward, RefitConfig
 from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
@@ -24,10 +24,6 @@ from msrd_ros.learning.reward_training import Negatives, RewardTraining
 from msrd_ros.learning.rewards import AveragedRewards, RewardModel
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
-
-_PAST = ReplayConfig(replay_share=0.6, snapshot_share=0.4)
-_REFIT_EMA_RATE = 0.003
-"""Negatives of `MSRD.refit_on_replay`, and the rate of its moving average."""
 
 
 class MSRD:
@@ -204,8 +200,8 @@ class MSRD:
         metrics["seconds"] = time.perf_counter() - started
         return metrics
 
-    def refit_on_replay(self, steps: int) -> RewardModel:
-        """R0 and S_i after `steps` more Adam steps against all that was ever played, to optimise frozen.
+    def refit_on_replay(self, refit: RefitConfig) -> RewardModel:
+        """R0 and S_i after more Adam steps against all that was ever played, to optimise frozen.
 
         An iteration's negatives are mostly of the present policies, so rewards forget what earlier ones did
         wrong, and a fresh policy finds its way there. Needs replay and cloning snapshots; the run stays as
@@ -216,14 +212,16 @@ class MSRD:
         generator = torch.Generator().manual_seed(self.iterations_done)
         config = self.config.discriminator
         rewards = copy.deepcopy(self.rewards)
-        averaged = AveragedRewards(rewards, _REFIT_EMA_RATE)
+        averaged = AveragedRewards(rewards, refit.ema_rate)
         training = RewardTraining(rewards, averaged, config, iterations=1)
         everything = self._demonstrations.choose(None, generator)
         amount = config.steps * config.batch
-        for _ in range(steps // config.steps):
+        for _ in range(refit.steps // config.steps):
             expert = self._demonstrations.sample(everything, amount, generator)
             expert = expert.with_log_prob(self._log_prob(expert))
-            past = Negatives.draw(self._snapshots, self._replay, self._snapshots, _PAST, amount, generator)
+            past = Negatives.draw(
+                self._snapshots, self._replay, self._snapshots, refit.negatives, amount, generator
+            )
             training.train(expert, past, config.steps, 0, generator)
         return averaged.model
 

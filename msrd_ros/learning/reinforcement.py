@@ -43,10 +43,10 @@ class PolicyTraining:
         Rollouts per policy and iteration.
     trust_region, value
         Settings.
-    discount, gae_decay
-        gamma and lambda of the advantages.
     seed
         Everything random follows from it.
+    discount, gae_decay
+        gamma and lambda of the advantages.
     """
 
     def __init__(
@@ -58,9 +58,9 @@ class PolicyTraining:
         episodes: int,
         trust_region: TrustRegionConfig,
         value: ValueConfig,
-        discount: float,
-        gae_decay: float,
         seed: int,
+        discount: float = 0.99,
+        gae_decay: float = 0.97,
     ) -> None:
         self.policies = policies
         self.collector = collector

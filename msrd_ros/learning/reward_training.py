@@ -95,7 +95,7 @@ class RewardTraining:
         iteration: int,
         generator: torch.Generator,
     ) -> dict[str, float]:
-        """Take `steps` steps, the s-th on the s-th slice of the samples; returns the last step's metrics."""
+        """Take `steps` steps, the s-th on the s-th part of the samples; returns the last step's metrics."""
         config = self._config
         progress = min(1.0, iteration / max(1, self._iterations - 1))
         rate = config.learning_rate * (1.0 - (1.0 - config.learning_rate_end) * progress)

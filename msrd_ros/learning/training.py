@@ -10,17 +10,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from tqdm import tqdm
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.action_scale import ActionScale
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.harness import Harness, Task
 from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.method import Learner, Method, Problem
 from msrd_ros.learning.methods import find_method
 from msrd_ros.learning.places import Place, find_place
-from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.learning.recipe import default_config
 from msrd_ros.learning.trajectories import Demonstrations
@@ -79,7 +78,7 @@ def train(
         settings = _in_units(settings, demonstrations, scale)
     with _one_thread():
         learner = chosen.start(Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset))
-        _run(learner, place, chosen, progress)
+        Harness(learner, _Returns(place), title=chosen.title if progress else None).run()
     details = {
         "method": chosen.name,
         "seed": seed,
@@ -105,20 +104,27 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-def _run(learner: Learner, place: Place, method: Method, progress: bool) -> None:
-    """Cloning and all iterations."""
-    iterations = learner.config.iterations
-    with tqdm(total=iterations, unit="iteration", desc=method.title, disable=not progress) as bar:
-        _require_finite("cloning", learner.clone())
-        place.curve.clear()
-        for iteration in range(1, iterations + 1):
-            _require_finite(f"iteration {iteration}", learner.iterate())
-            if place.curve:
-                returns = place.curve[-1]
-                bar.set_postfix_str(
-                    "the environment's own return " + ", ".join(f"{value:.0f}" for value in returns)
-                )
-            bar.update()
+class _Returns(Task):
+    """Shows what the environment itself pays.
+
+    Parameters
+    ----------
+    place
+        Where policies are played.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self._curve = place.curve
+
+    def at_point(self, harness: Harness) -> None:
+        """Leave out what was played while cloning."""
+        self._curve.clear()
+
+    def summary(self, harness: Harness) -> str:
+        """The latest mean returns."""
+        if not self._curve:
+            return ""
+        return "the environment's own return " + ", ".join(f"{value:.0f}" for value in self._curve[-1])
 
 
 def _in_units(config: MSRDConfig, demonstrations: Demonstrations, scale: ActionScale) -> MSRDConfig:
@@ -131,21 +137,10 @@ def _in_units(config: MSRDConfig, demonstrations: Demonstrations, scale: ActionS
     return replace(config, cloning=replace(config.cloning, recovery_labels=labels))
 
 
-def _require_finite(when: str, figures: dict[str, float]) -> None:
-    for name, value in figures.items():
-        if not np.isfinite(value):
-            raise UserError(
-                f"{when}: {name} is {value}; training diverged: lower discriminator.learning_rate, "
-                "cloning.learning_rate or trust_region.kl"
-            )
-
-
 def _policies_of_all(
     learner: Learner, demonstrations: Demonstrations, scale: ActionScale | None
 ) -> PolicySet:
     """One policy for every label, in the environment's units; a method's only policy serves all."""
-    if not isinstance(learner.policies, GaussianPolicies):
-        raise UserError("only Gaussian policies can be kept; use MSRD itself for others")
     found = export_policies(learner.policies, demonstrations.layout)
     tensors = dict(found.tensors)
     stacked = [name for name in tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]

@@ -29,7 +29,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.utilities import ok, try_shutdown
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.parameters import ParameterFacts
+from msrd_ros.core.parameters import ParameterFacts, parameter
+from msrd_ros.robots.loading import DEFAULT_ROBOT
 
 Config = TypeVar("Config")
 
@@ -70,6 +71,11 @@ class Finished(Exception):  # noqa: N818 - an end, not an error
     def __init__(self, exit_code: int = 0) -> None:
         super().__init__(exit_code)
         self.exit_code = exit_code
+
+
+def robot_parameter() -> Any:
+    """The parameter `robot` of every node that has to do with joints."""
+    return parameter(DEFAULT_ROBOT, "The arm: a name below config/robots, or a folder with its robot.yaml")
 
 
 def _descriptor(facts: ParameterFacts, default: object) -> ParameterDescriptor:

@@ -32,6 +32,7 @@ from msrd_ros.nodes.common import (
     Finished,
     StackNode,
     referee_hears,
+    robot_parameter,
     run,
     steady_timer,
 )
@@ -42,7 +43,7 @@ from msrd_ros.nodes.messages import (
     strategy_message,
 )
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.strokes.player import Phase as PlayerPhase
 from msrd_ros.table_tennis.strokes.player import StrokePlayer
@@ -62,6 +63,7 @@ from msrd_ros.table_tennis.teachers.study_design import (
 class DemonstratorConfig:
     """Parameters of the demonstrator."""
 
+    robot: str = robot_parameter()
     subjects: int = parameter(10, "Teachers in the population", low=1, high=1000)
     first_subject: int = parameter(0, "Index of the first one that takes part", low=0, high=100_000)
     recordings: int = parameter(3, "Kept recordings of each subject's six conditions", low=1, high=1000)
@@ -100,7 +102,8 @@ class Demonstrator(StackNode):
         self._session = StudySession(study, self._rng)
         self._teachers: dict[int, Teacher] = {}
         self._feeder = Feeder()
-        compile_ahead(Teacher(config.first_subject, config.seed), self._feeder)
+        self._robot = load_robot(config.robot)
+        compile_ahead(self._make_teacher(config.first_subject), self._feeder)
         self._stage = Stage.CALLING
         self._since_s = time.monotonic()
         self._trial: Trial | None = None
@@ -118,7 +121,7 @@ class Demonstrator(StackNode):
         self._hand = self.create_publisher(MultiDOFJointTrajectory, "teach/hand", COMMAND)
         self.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
         self.create_subscription(DiagnosticArray, "recorder/verdict", self._on_verdict, EVENT)
-        self._inputs = TickInputs(self, True, self._act, self._repeat, self.complain)
+        self._inputs = TickInputs(self, self._robot, True, self._act, self._repeat, self.complain)
         self._teach = self.create_client(SetBool, "simulator/teach")
         self._discard = self.create_client(Trigger, f"{config.recorder or 'recorder'}/discard")
         self._recorder = AsyncParameterClient(self, config.recorder or "recorder")
@@ -126,6 +129,9 @@ class Demonstrator(StackNode):
         self._bar = tqdm(total=wanted, unit="stroke", desc="record", smoothing=0.05)
         self._watch_timer = steady_timer(self, 0.5, self._watch)
         self._start_timer = steady_timer(self, 0.05, self._start)
+
+    def _make_teacher(self, index: int) -> Teacher:
+        return Teacher(index, self.config.seed, robot=self._robot)
 
     def close(self) -> None:
         """Leave the terminal tidy."""
@@ -164,7 +170,7 @@ class Demonstrator(StackNode):
             return
         index = self.config.first_subject + trial.subject
         if index not in self._teachers:
-            self._teachers[index] = Teacher(index, self.config.seed)
+            self._teachers[index] = self._make_teacher(index)
         # Each attempt draws from a stream of its own: what one subject does leaves the others as they are.
         self._stroke_rng = np.random.default_rng(
             (
@@ -265,7 +271,7 @@ class Demonstrator(StackNode):
     def _move(self, tick: TickInput) -> None:
         assert self._stroke is not None
         if self._player is None:
-            self._player = StrokePlayer(tick.joint_position)
+            self._player = StrokePlayer(self._robot, tick.joint_position)
             self._player.prepare(None, self._stroke.ready_posture, self._came_from)
         if self._player.phase is PlayerPhase.READY and not np.abs(tick.joint_velocity).max():
             self._enter(Stage.CALLING)
@@ -273,7 +279,7 @@ class Demonstrator(StackNode):
             return
         reference = self._player.tick(tick.joint_position, tick.ball_position, tick.ball_stamp_ns)
         stamp = Time(nanoseconds=tick.time_ns).to_msg()
-        self._send(command_to_message(reference, None, stamp, CONTROL_PERIOD_S))
+        self._send(command_to_message(self._robot, reference, None, stamp, CONTROL_PERIOD_S))
 
     def _show(self, tick: TickInput) -> None:
         assert self._stroke is not None
@@ -282,7 +288,7 @@ class Demonstrator(StackNode):
             self._fed = True
             feed = self._feeder.sample(self._trial.label.side, SPREADS[self.config.spread], self._stroke_rng)
             self._feed.publish(feed_to_message(feed))
-        speed = float(np.abs(tick.joint_velocity / SPEED_LIMIT_RAD_S).max())
+        speed = float(np.abs(tick.joint_velocity / self._robot.limits.speed_rad_s).max())
         self._peak_speed = max(self._peak_speed, speed)
         self._stroke.see(tick.ball_stamp_ns / NANOSECONDS, tick.ball_position)
         gesture = self._stroke.hand_at(tick.time_ns / NANOSECONDS, tick.joint_position)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from std_msgs.msg import Header
 from tqdm import tqdm
 from trajectory_msgs.msg import JointTrajectory
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import read_outcome
 from msrd_ros.core.errors import UserError
@@ -26,12 +27,21 @@ from msrd_ros.nodes.common import (
     Finished,
     StackNode,
     referee_hears,
+    robot_parameter,
     run,
     steady_timer,
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
-from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strategies.table import (
+    DEFAULT_SIDE,
+    SIDE_HELP,
+    STRATEGIES_HELP,
+    Side,
+    Strategies,
+)
+from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.rates import LabelRates, format_table
 
 
@@ -39,7 +49,12 @@ from msrd_ros.table_tennis.strokes.rates import LabelRates, format_table
 class EvaluatorConfig:
     """Parameters of the evaluator."""
 
-    labels: list[str] = parameter([str(label) for label in ALL_LABELS], "Strategies to play")
+    robot: str = robot_parameter()
+    labels: list[str] = parameter(
+        [], "Strategies to play; empty takes all of the checkpoint, or all that are listed without one"
+    )
+    strategies: str = parameter("", STRATEGIES_HELP)
+    side: str = parameter(DEFAULT_SIDE.value, SIDE_HELP, choices=tuple(Side))
     balls: int = parameter(100, "Balls per strategy", low=1, high=100_000)
     seed: int = parameter(0, "Seed of the feeds", low=0)
     spread: str = parameter("standard", "Spread of the feeds", choices=tuple(SPREADS))
@@ -57,10 +72,11 @@ class Evaluator(StackNode):
 
     def __init__(self) -> None:
         super().__init__("evaluator", EvaluatorConfig)
-        labels = [StrategyLabel.parse(text, "parameter labels of evaluator") for text in self.config.labels]
+        self._strategies = Strategies.load(self.config.strategies)
+        self._facts = self._read_facts()
+        labels = self._choose_labels()
         self._balls = [label for label in labels for _ in range(self.config.balls)]
         self._outcomes: dict[StrategyLabel, list[Outcome]] = {label: [] for label in labels}
-        self._landing_points = self._read_landing_points()
         self._rng = np.random.default_rng((EVALUATION_STREAM, self.config.seed))
         self._index = 0
         self._connected = False
@@ -84,11 +100,25 @@ class Evaluator(StackNode):
         returned = sum(outcome.returned for outcomes in self._outcomes.values() for outcome in outcomes)
         return "playing", {"balls": self._index, "of": len(self._balls), "returned": returned}
 
-    def _read_landing_points(self) -> dict[StrategyLabel, np.ndarray]:
+    def _read_facts(self) -> Mapping[StrategyLabel, StrokeFacts]:
+        """What the checkpoint tells of its strategies; nothing without one."""
         if not self.config.checkpoint:
             return {}
-        facts = StrokePolicies.load(Path(self.config.checkpoint)).facts
-        return {label: fact.landing_point for label, fact in facts.items()}
+        return StrokePolicies.load(Path(self.config.checkpoint), load_robot(self.config.robot)).facts
+
+    def _choose_labels(self) -> Sequence[StrategyLabel]:
+        where = "parameter labels of evaluator"
+        labels = [StrategyLabel.parse(text, where) for text in self.config.labels]
+        for label in labels:
+            if self._facts and label not in self._facts:
+                known = ", ".join(self._facts)
+                raise UserError(f"{where}: no policy for strategy {label}; the checkpoint has {known}")
+        return labels or tuple(self._facts) or self._strategies.labels
+
+    def _side(self, label: StrategyLabel) -> Side:
+        if label in self._facts:
+            return self._facts[label].side
+        return self._strategies.of(label).side or Side(self.config.side)
 
     @property
     def _label(self) -> StrategyLabel:
@@ -106,7 +136,7 @@ class Evaluator(StackNode):
         if not self._connected:
             self._connected = referee_hears(self, self._feed)
             return
-        feed = Feeder().sample(self._label.side, SPREADS[self.config.spread], self._rng)
+        feed = Feeder().sample(self._side(self._label), SPREADS[self.config.spread], self._rng)
         self._feed.publish(feed_to_message(feed))
         self._waiting_for, self._since_s = "outcome", time.monotonic()
 
@@ -155,7 +185,12 @@ class Evaluator(StackNode):
     def _finish(self) -> None:
         self._progress.close()
         rates = {
-            str(label): LabelRates.of(label.stroke, outcomes, self._landing_points.get(label))
+            str(label): LabelRates.of(
+                label,
+                outcomes,
+                self._facts[label].landing_point if label in self._facts else None,
+                self._strategies,
+            )
             for label, outcomes in self._outcomes.items()
         }
         print(format_table(rates), flush=True)

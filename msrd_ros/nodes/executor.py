@@ -19,11 +19,11 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
-from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, run, steady_timer
+from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, robot_parameter, run, steady_timer
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.limits import JointReference
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, JOINT_COUNT, JOINT_NAMES
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
@@ -43,6 +43,7 @@ class ExecutorConfig:
         "lockstep answers every tick of the simulator; real_time runs on a robot, watchdogs on",
         choices=("lockstep", "real_time"),
     )
+    robot: str = robot_parameter()
     accept_policy: bool = parameter(True, "Take policies from topic policy; set false on a real robot")
     enabled: bool = parameter(True, "Move from the start; otherwise wait for ~/enable")
     ready_noise_rad: float = parameter(
@@ -77,8 +78,10 @@ class Executor(StackNode):
         self._enabled = self.config.enabled
         self._player: StrokePlayer | None = None
         self._ball_filter: BallFilter | None = None
+        self._robot = load_robot(self.config.robot)
+        home = self._robot.home_rad
         # Compiled before an arm moves: the first time after an installation it takes seconds.
-        find_path(JointReference(HOME_POSTURE_RAD, np.zeros(JOINT_COUNT)), HOME_POSTURE_RAD)
+        find_path(self._robot, JointReference(home, np.zeros_like(home)), home)
         if self.config.estimate_ball:
             BallFilter.compile_ahead()
         self._policies: StrokePolicies | None = None
@@ -93,10 +96,10 @@ class Executor(StackNode):
         self._swapped_at = 0
         self._counts = {"commands": 0, "swaps": 0, "stops": 0, "refused": 0}
         if self.config.checkpoint:
-            self._arriving = StrokePolicies.load(Path(self.config.checkpoint))
+            self._arriving = StrokePolicies.load(Path(self.config.checkpoint), self._robot)
         self._command = self.create_publisher(JointTrajectory, "joint_command", COMMAND)
         lockstep = self.config.mode == "lockstep"
-        self._inputs = TickInputs(self, lockstep, self._act, self._send_again, self._refuse)
+        self._inputs = TickInputs(self, self._robot, lockstep, self._act, self._send_again, self._refuse)
         self.create_subscription(Header, "strategy", self._on_strategy, LATCHED)
         if self.config.accept_policy:
             self.create_subscription(UInt8MultiArray, "policy", self._on_policy, LATCHED)
@@ -130,7 +133,7 @@ class Executor(StackNode):
             layout = message.layout.dim[0].label if message.layout.dim else ""
             if layout != "safetensors":
                 raise UserError(f"topic policy: layout.dim[0].label is {layout!r}, wanted is 'safetensors'")
-            policies = StrokePolicies.from_bytes(data, "topic policy")
+            policies = StrokePolicies.from_bytes(data, "topic policy", self._robot)
         except UserError as error:
             self._refuse(error)
             return
@@ -176,8 +179,8 @@ class Executor(StackNode):
     def _follow(self, position: NDArray[np.float64]) -> StrokePlayer:
         """The player; led on from where the arm is if it has strayed from its command."""
         if self._player is None:
-            self._player = StrokePlayer(position, self.config.tracking_tolerance_rad)
-        joint = JOINT_NAMES[int(np.abs(position - self._player.reference.position).argmax())]
+            self._player = StrokePlayer(self._robot, position, self.config.tracking_tolerance_rad)
+        joint = self._robot.joint_names[int(np.abs(position - self._player.reference.position).argmax())]
         error = self._player.follow(position)
         if error > self.config.tracking_tolerance_rad:
             self._counts["stops"] += 1
@@ -214,7 +217,7 @@ class Executor(StackNode):
         seed, noise_rad = self.config.seed, self.config.ready_noise_rad
         if exploring is not None:
             seed, noise_rad = exploring, self._policies.ready_noise_rad
-        draws = StrokeDraws.of(seed, self._strokes - self._swapped_at)
+        draws = StrokeDraws.of(seed, self._strokes - self._swapped_at, self._robot.joint_count)
         policy = self._policies.play(self._wanted, draws)
         ready_pose = facts.ready_pose + noise_rad * draws.ready
         player.prepare(policy, ready_pose)
@@ -222,7 +225,7 @@ class Executor(StackNode):
             self._ball_filter = BallFilter(self.config.camera_noise_m)
 
     def _send(self, reference: JointReference, stamp: Any) -> None:
-        command = command_to_message(reference, self._strategy, stamp, CONTROL_PERIOD_S)
+        command = command_to_message(self._robot, reference, self._strategy, stamp, CONTROL_PERIOD_S)
         self._last_command = command
         self._send_again()
         self._counts["commands"] += 1

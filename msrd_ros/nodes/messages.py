@@ -24,7 +24,7 @@ from msrd_ros.contract.translation import NANOSECONDS, RALLY_STATUS
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import status
 from msrd_ros.robots.limits import JointReference
-from msrd_ros.robots.sawyer import JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feed
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
 
@@ -75,7 +75,7 @@ class Command(NamedTuple):
 
 
 def command_to_message(
-    reference: JointReference, label: StrategyLabel | None, stamp: Any, period_s: float
+    robot: Robot, reference: JointReference, label: StrategyLabel | None, stamp: Any, period_s: float
 ) -> JointTrajectory:
     """A commanded state, reached `period_s` after `stamp`."""
     point = JointTrajectoryPoint(
@@ -83,14 +83,14 @@ def command_to_message(
         velocities=reference.velocity.tolist(),
         time_from_start=_duration(period_s),
     )
-    message = JointTrajectory(joint_names=list(JOINT_NAMES), points=[point])
+    message = JointTrajectory(joint_names=list(robot.joint_names), points=[point])
     message.header.stamp = stamp
     message.header.frame_id = str(label or "")
     return message
 
 
-def command_from_message(message: JointTrajectory) -> Command:
-    """Read a joint_command.
+def command_from_message(robot: Robot, message: JointTrajectory) -> Command:
+    """Read a joint_command for an arm.
 
     Raises
     ------
@@ -102,19 +102,22 @@ def command_from_message(message: JointTrajectory) -> Command:
         raise UserError(f"{where}: {len(message.points)} points; send one point per control period")
     point = message.points[0]
     names = list(message.joint_names)
-    missing = [joint for joint in JOINT_NAMES if joint not in names]
+    missing = [joint for joint in robot.joint_names if joint not in names]
     if missing or not len(point.positions) == len(point.velocities) == len(names):
-        raise UserError(f"{where}: joint {', '.join(missing) or 'values'} missing; send all seven joints")
-    order = [names.index(joint) for joint in JOINT_NAMES]
+        raise UserError(
+            f"{where}: joint {', '.join(missing) or 'values'} missing; send all joints of {robot.name}"
+        )
+    order = [names.index(joint) for joint in robot.joint_names]
     position, velocity = np.array(point.positions)[order], np.array(point.velocities)[order]
     period_s = point.time_from_start.sec + point.time_from_start.nanosec / NANOSECONDS
     # Written so that NaN fails, too.
-    fits = (position >= POSITION_LOWER_RAD) & (position <= POSITION_UPPER_RAD)
-    fits &= np.abs(velocity) <= SPEED_LIMIT_RAD_S * (1.0 + 1e-9)
+    limits = robot.limits
+    fits = (position >= limits.lower_rad) & (position <= limits.upper_rad)
+    fits &= np.abs(velocity) <= limits.speed_rad_s * (1.0 + 1e-9)
     if not fits.all():
         joint = int(np.flatnonzero(~fits)[0])
         raise UserError(
-            f"{where}: joint {JOINT_NAMES[joint]} is sent to {position[joint]:.4g} rad at "
+            f"{where}: joint {robot.joint_names[joint]} is sent to {position[joint]:.4g} rad at "
             f"{velocity[joint]:.4g} rad/s, beyond its limits; the command is not obeyed"
         )
     if not 0.0 < period_s <= 1.0:

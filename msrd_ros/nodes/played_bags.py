@@ -14,6 +14,7 @@ from msrd_ros.nodes.common import steady_timer
 from msrd_ros.nodes.recorder_inputs import RecorderInputs
 from msrd_ros.recordings.episodes import assemble_stroke
 from msrd_ros.recordings.inspection import InspectionLimits, inspect
+from msrd_ros.robots.robot import Robot
 
 SETTLE_PERIOD_S = 0.02
 ADAPT_PERIOD_S = 0.2
@@ -26,6 +27,8 @@ class PlayedBags:
     ----------
     node
         Whose subscriptions they are.
+    robot
+        The arm that is heard.
     take
         Called with every accepted stroke.
     refuse
@@ -33,8 +36,13 @@ class PlayedBags:
     """
 
     def __init__(
-        self, node: Node, take: Callable[[Episode], None], refuse: Callable[[UserError], None]
+        self,
+        node: Node,
+        robot: Robot,
+        take: Callable[[Episode], None],
+        refuse: Callable[[UserError], None],
     ) -> None:
+        self._robot = robot
         self._take, self._refuse = take, refuse
         self._buffer = StrokeBuffer(CutSettings())
         self._inputs: RecorderInputs | None = RecorderInputs(node, [], self._hear)
@@ -60,7 +68,7 @@ class PlayedBags:
         self._buffer.tick()
         while self._inputs is not None and self._buffer.settled():
             stroke = self._buffer.cut()
-            verdict = inspect(stroke, InspectionLimits())
+            verdict = inspect(stroke, self._robot, InspectionLimits())
             if not verdict.accepted:
                 self._refuse(
                     UserError(f"ball {stroke.ball_id} is left out: {verdict.reason}, {verdict.detail}")
@@ -68,6 +76,6 @@ class PlayedBags:
                 continue
             assert stroke.label is not None
             try:
-                self._take(assemble_stroke(stroke.messages, stroke.label, "", "topics"))
+                self._take(assemble_stroke(stroke.messages, stroke.label, "", "topics", self._robot))
             except UserError as error:
                 self._refuse(error)

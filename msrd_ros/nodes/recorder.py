@@ -20,10 +20,11 @@ from msrd_ros.bags.writer import remove_leftovers, set_aside
 from msrd_ros.contract.topics import OUTCOME, STRATEGY
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
-from msrd_ros.nodes.common import EVENT, StackNode, run, status, steady_timer
+from msrd_ros.nodes.common import EVENT, StackNode, robot_parameter, run, status, steady_timer
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
 from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict
 from msrd_ros.recordings.store import StoreResult, StrokeStore
+from msrd_ros.robots.loading import load_robot
 
 ADAPT_PERIOD_S = 0.25
 LONELY_S = 5.0
@@ -38,6 +39,7 @@ KEEP_CHOICES = ("returned", "all")
 class RecorderConfig:
     """Parameters of the recorder."""
 
+    robot: str = robot_parameter()
     directory: str = parameter("bags", "Folder of the bags; a stroke goes to <subject>/<label>_<nnn>")
     subject: str = parameter("s01", "Who shows the strokes: a-z, 0-9 and _; may change between strokes")
     keep: str = parameter(
@@ -80,6 +82,7 @@ class Recorder(StackNode):
         self._directory = self._prepare_directory()
         self._store = StrokeStore(
             self._directory,
+            load_robot(config.robot),
             InspectionLimits(config.speed_tolerance, config.joint_gap_s, config.ball_gap_s),
             f"msrd_ros {__version__}",
             int(config.minimum_free_mb * MEGABYTE),

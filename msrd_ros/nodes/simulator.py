@@ -1,4 +1,4 @@
-"""Simulator node: Sawyer, table, ball, feeder and referee in Bullet, over topics."""
+"""Simulator node: arm, table, ball, feeder and referee in Bullet, over topics."""
 
 from __future__ import annotations
 
@@ -19,11 +19,20 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.translation import NANOSECONDS, stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, StackNode, run, steady_timer
+from msrd_ros.nodes.common import (
+    COMMAND,
+    EVENT,
+    LATCHED,
+    STATE,
+    StackNode,
+    robot_parameter,
+    run,
+    steady_timer,
+)
 from msrd_ros.nodes.frames import FramePublisher
 from msrd_ros.nodes.messages import (
     WORLD,
@@ -34,13 +43,13 @@ from msrd_ros.nodes.messages import (
     outcome_to_message,
 )
 from msrd_ros.nodes.scene_markers import scene_markers
-from msrd_ros.robots.sawyer import JOINT_NAMES
-from msrd_ros.robots.urdf import sawyer_urdf
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
 from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import RallyConfig
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig, compile_ahead
+from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE, SIDE_HELP, STRATEGIES_HELP, Side, Strategies
 
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25
@@ -57,9 +66,12 @@ class SimulatorConfig:
         "lockstep waits for an answer to every tick; real_time follows the wall clock, watchdogs on",
         choices=("lockstep", "real_time"),
     )
+    robot: str = robot_parameter()
     gui: bool = parameter(False, "Show Bullet's window")
     seed: int = parameter(0, "Seed of the camera's noise and of ~/serve", low=0)
     spread: str = parameter("standard", "Spread of the feeds of ~/serve", choices=tuple(SPREADS))
+    strategies: str = parameter("", STRATEGIES_HELP)
+    side: str = parameter(DEFAULT_SIDE.value, SIDE_HELP, choices=tuple(Side))
     camera_rate_hz: float = parameter(200.0, "Frames of the camera", unit="Hz", low=1.0, high=1000.0)
     camera_noise_m: float = parameter(
         0.001, "Standard deviation of each coordinate", unit="m", low=0.0, high=0.1
@@ -85,13 +97,16 @@ class Simulator(StackNode):
     def __init__(self) -> None:
         super().__init__("simulator", SimulatorConfig)
         config = self.config
+        self._strategies = Strategies.load(config.strategies)
         camera = CameraConfig(
             config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
         )
         self.get_logger().info("starting; the first time after an installation this takes a minute")
+        self._robot = load_robot(config.robot)
         arm = ArmConfig(mass_scale=config.mass_scale, joint_friction_nm=config.joint_friction_nm)
-        compile_ahead(RallyConfig(arm=arm))
-        self._world = World(WorldConfig(RallyConfig(arm=arm), camera, config.seed), gui=config.gui)
+        rally = RallyConfig(arm=arm, robot=self._robot)
+        compile_ahead(rally)
+        self._world = World(WorldConfig(rally, camera, config.seed), gui=config.gui)
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
         self._paused = False
@@ -102,7 +117,7 @@ class Simulator(StackNode):
         self._counts = {"returned": 0, "ticks": 0, "asked_again": 0, "refused": 0}
         self._open_topics()
         self._open_services()
-        self._frames = FramePublisher(self)
+        self._frames = FramePublisher(self, self._robot)
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
         if config.mode == "lockstep":
             steady_timer(self, ASK_AGAIN_S / 2, self._ask_again)
@@ -136,7 +151,7 @@ class Simulator(StackNode):
         self._outcome = self.create_publisher(DiagnosticArray, "rally/outcome", EVENT)
         self._scene = self.create_publisher(MarkerArray, "scene", COMMAND)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
-        self._description.publish(String(data=sawyer_urdf()))
+        self._description.publish(String(data=self._robot.urdf))
         self.create_subscription(Header, "strategy", self._on_strategy, LATCHED)
         self.create_subscription(Odometry, "feed", self._on_feed, EVENT)
         self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
@@ -206,7 +221,7 @@ class Simulator(StackNode):
         if self._world.teaching or self._paused or not self._answers_tick(message.header.stamp):
             return
         try:
-            command = command_from_message(message)
+            command = command_from_message(self._robot, message)
         except UserError as error:
             self._refuse(error)
             return
@@ -244,7 +259,8 @@ class Simulator(StackNode):
         return response
 
     def _on_serve(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        side = self._world.strategy.side if self._world.strategy else Side.FOREHAND
+        strategy = self._world.strategy
+        side = (self._strategies.of(strategy).side if strategy else None) or Side(self.config.side)
         self._world.feed(self._feeder.sample(side, SPREADS[self.config.spread], self._serve_rng))
         response.success, response.message = True, f"a ball to the {side.value} is coming"
         return response
@@ -282,7 +298,7 @@ class Simulator(StackNode):
         if self.config.show and tick.time_ns - self._shown_ns >= SHOW_PERIOD_S * NANOSECONDS:
             self._show(tick, stamp)
         state = JointState(
-            name=list(JOINT_NAMES),
+            name=list(self._robot.joint_names),
             position=tick.joint_position.tolist(),
             velocity=tick.joint_velocity.tolist(),
             effort=tick.joint_effort.tolist(),

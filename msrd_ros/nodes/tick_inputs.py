@@ -14,10 +14,11 @@ from sensor_msgs.msg import JointState
 from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import STATE
+from msrd_ros.robots.robot import Robot
 
 
 class TickInput(NamedTuple):
-    """What came in at one tick: joints (7,) in rad and rad/s, the newest ball sample (3,) in m."""
+    """What came in at one tick: joints (N,) in rad and rad/s, the newest ball sample (3,) in m."""
 
     time_ns: int
     joint_position: NDArray[np.float64]
@@ -36,6 +37,8 @@ class TickInputs:
     ----------
     node
         Whose subscriptions they are.
+    robot
+        Whose joints, N of them.
     lockstep
         Whether to wait for both.
     act
@@ -49,6 +52,7 @@ class TickInputs:
     def __init__(
         self,
         node: Node,
+        robot: Robot,
         lockstep: bool,
         act: Callable[[TickInput], None],
         repeat: Callable[[], None],
@@ -56,7 +60,7 @@ class TickInputs:
     ) -> None:
         self._lockstep = lockstep
         self._act, self._repeat, self._refuse = act, repeat, refuse
-        self._joints = JointStateTranslator()
+        self._joints = JointStateTranslator(robot)
         self._pending: JointState | None = None
         self._ball: tuple[NDArray[np.float64], int] | None = None
         self._has_new_ball = False

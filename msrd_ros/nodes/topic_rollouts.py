@@ -18,7 +18,7 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import EpisodeAssembler, read_outcome, stamp_to_ns
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
 from msrd_ros.nodes.messages import (
@@ -78,7 +78,6 @@ class TopicCollector:
         UserError
             If executor or simulator do not answer in time.
         """
-        assert isinstance(policies, GaussianPolicies)
         batch = StrokeBatch.draw(
             self._source(), episodes, self._spread, self._ready_noise_rad, self._balls, rng
         )
@@ -99,7 +98,7 @@ class TopicCollector:
             self._wait(self._taken_up, f"the executor does not take up strategy {stroke.label}")
             self._decided.clear()
             self._outcome = None
-            self._assembler = EpisodeAssembler(stroke.label)
+            self._assembler = EpisodeAssembler(stroke.label, robot=batch.policies.robot)
             self._feed.publish(feed_to_message(stroke.feed))
             self._wait(self._decided, f"no rally/outcome for ball {stroke.number} ({stroke.label})")
             assembler, self._assembler = self._assembler, None

@@ -16,22 +16,35 @@ from tqdm import tqdm
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.harness import Harness, Schedule
 from msrd_ros.learning.rollouts import Collector
-from msrd_ros.nodes.common import EVENT, LATCHED, Finished, StackNode, run, status, steady_timer
+from msrd_ros.nodes.common import (
+    EVENT,
+    LATCHED,
+    Finished,
+    StackNode,
+    robot_parameter,
+    run,
+    status,
+    steady_timer,
+)
 from msrd_ros.nodes.messages import bytes_to_message
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
+from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
+from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
-from msrd_ros.table_tennis.strokes.run import RunConfig, TrainingRun
+from msrd_ros.table_tennis.strokes.run import RunTask, training_run
 from msrd_ros.table_tennis.strokes.training import (
     METHODS,
     POLICIES_FILE,
@@ -52,10 +65,15 @@ class TrainerConfig:
         choices=("folder", "played"),
     )
     bags: str = parameter("", "Folder of bags; empty takes the small set that the package ships")
+    robot: str = robot_parameter()
     labels: list[str] = parameter([], "Strategies to learn; empty takes all that are demonstrated")
+    strategies: str = parameter("", STRATEGIES_HELP)
     subjects: list[str] = parameter([], "Subjects to learn from; empty takes all")
     wanted: int = parameter(
-        9, "played: demonstrations per label after which training starts by itself", low=1, high=10_000
+        9,
+        "played: demonstrations of each of `labels`, or of all listed strategies, that start training",
+        low=1,
+        high=10_000,
     )
     idle_start_s: float = parameter(
         0.0,
@@ -66,7 +84,7 @@ class TrainerConfig:
     )
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
-    method: str = parameter("msrd", "Learning method", choices=METHODS)
+    method: str = parameter("msrd", "Learning method", choices=tuple(METHODS))
     iterations: int = parameter(
         StrokeTrainingConfig.iterations,
         "Iterations over all strategies",
@@ -83,7 +101,7 @@ class TrainerConfig:
     )
     strategy_rewards: str = parameter(
         StrokeTrainingConfig.strategy_rewards,
-        "Whose a strategy reward is: every label's own, or shared by forehand and backhand of a stroke",
+        "Whose a strategy reward is: every label's own, or shared by both sides of a stroke",
         choices=tuple(REWARD_GROUPS),
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
@@ -136,14 +154,16 @@ class Trainer(StackNode):
     def __init__(self) -> None:
         super().__init__("trainer", TrainerConfig)
         config = self.config
+        self._robot = load_robot(config.robot)
         self._out = _prepare_out(Path(config.out).expanduser())
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
+        self._strategies = Strategies.load(config.strategies)
         self._episodes: list[Episode] = []
         self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
         self._thread: threading.Thread | None = None
-        self._run: TrainingRun | None = None
+        self._run: Harness | None = None
         self._failure: BaseException | None = None
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
@@ -153,7 +173,7 @@ class Trainer(StackNode):
         torch.set_num_threads(config.torch_threads)
         self._played: PlayedBags | None = None
         if config.source == "played":
-            self._played = PlayedBags(self, self._take, self._refuse)
+            self._played = PlayedBags(self, self._robot, self._take, self._refuse)
             self.get_logger().info(f"ready: waiting for {config.wanted} demonstrations of each label")
         else:
             self._read_bags()
@@ -183,7 +203,7 @@ class Trainer(StackNode):
             self.get_logger().warning(f"left out: {line}")
         chosen = library.select(self._labels, self.config.subjects)
         for info in tqdm(chosen, unit="bag", desc="read"):
-            self._episodes += read_episodes(Bag(info.path))
+            self._episodes += read_episodes(Bag(info.path), self._robot)
         self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}")
 
     def _take(self, episode: Episode) -> None:
@@ -192,7 +212,7 @@ class Trainer(StackNode):
         self._episodes.append(episode)
         self._heard_s = time.monotonic()
         counts = self._counts()
-        fewest = min(counts[label] for label in self._labels or ALL_LABELS)
+        fewest = min(counts[label] for label in self._labels or self._strategies.labels)
         self.get_logger().info(
             f"demonstration {len(self._episodes)}: {episode.label}; {fewest} of {self.config.wanted} of each"
         )
@@ -231,15 +251,21 @@ class Trainer(StackNode):
             strategy_rewards=config.strategy_rewards,
         )
         self._training = StrokeTraining(
-            self._episodes, mean_landing_points(self._episodes), settings, self._make_collector()
-        )
-        self._run = TrainingRun(
-            self._training,
             self._episodes,
-            RunConfig(self._out, config.evaluate_every, config.evaluation_balls, config.checkpoint_every),
+            mean_landing_points(self._episodes),
+            settings,
+            self._make_collector(),
+            self._strategies,
+        )
+        task = RunTask(
+            self._training,
+            config.evaluation_balls,
+            self._episodes,
+            self._out,
             self._publish_policies,
             self._publish_progress,
         )
+        self._run = training_run(task, Schedule(config.evaluate_every, config.checkpoint_every, self._out))
         if config.resume:
             self.get_logger().info(f"goes on from iteration {self._run.resume()} of {self._out}")
         self._thread = threading.Thread(target=self._train, args=(self._run,), name="training")
@@ -248,7 +274,9 @@ class Trainer(StackNode):
     def _make_collector(self) -> Collector | None:
         config = self.config
         if config.rollouts == "bullet":
-            self._players = BulletPlayers(config.workers, WorldConfig(seed=config.seed))
+            self._players = BulletPlayers(
+                config.workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed)
+            )
             return BulletCollector(
                 self._players, self._present_policies, config.spread, config.ready_noise_rad
             )
@@ -262,10 +290,10 @@ class Trainer(StackNode):
         assert self._training is not None
         return self._training.policies()
 
-    def _train(self, training_run: TrainingRun) -> None:
+    def _train(self, training: Harness) -> None:
         """Body of the thread: whatever goes wrong reaches the main thread."""
         try:
-            training_run.run()
+            training.run()
         except BaseException as error:  # handed on to the main thread, which raises it
             self._failure = error
 

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.schemas import deserialise, serialise
 from msrd_ros.bags.strokes import Stroke
-from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import RETURNED
 from msrd_ros.contract.topics import BALL_POSITION, CONTRACT, FEED, JOINT_STATES, STRATEGY, BagMessage
 from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
+from msrd_ros.robots.robot import Robot
 
 
 class Refusal(StrEnum):
@@ -78,8 +77,8 @@ class InspectionLimits:
     ball_gap_s: float = 0.25
 
 
-def inspect(stroke: Stroke, limits: InspectionLimits) -> Verdict:
-    """Accept a stroke, or say why not: the first reason found, gravest first."""
+def inspect(stroke: Stroke, robot: Robot, limits: InspectionLimits) -> Verdict:
+    """Accept a stroke of an arm, or say why not: the first reason found, gravest first."""
     if not stroke.outcome:
         return Verdict(Refusal.BAD_OUTCOME, "rally/outcome holds no status named rally with a message")
     if stroke.outcome != RETURNED:
@@ -97,7 +96,7 @@ def inspect(stroke: Stroke, limits: InspectionLimits) -> Verdict:
         return Verdict(Refusal.LABEL_CONFLICT, conflict)
     if stroke.lost:
         return Verdict(Refusal.MESSAGES_LOST, f"{stroke.lost} messages were lost on their way")
-    return _inspect_motion(stroke, joints, balls, limits)
+    return _inspect_motion(stroke, robot, joints, balls, limits)
 
 
 def label_joint_states(stroke: Stroke) -> tuple[BagMessage, ...]:
@@ -125,18 +124,19 @@ def _with_frame(data: bytes, frame_id: str) -> bytes:
 
 def _conflicting_label(stroke: Stroke) -> str:
     for message in stroke.messages:
-        if message.topic in (JOINT_STATES, STRATEGY):
-            text = read_frame_id(message.data)
-            label = StrategyLabel.parse_optional(text)
-            if label not in (None, stroke.label) or (message.topic == STRATEGY and label is None):
-                return f"{message.topic} says {text!r}, the stroke is {stroke.label}"
+        if message.topic == STRATEGY and read_frame_id(message.data) != stroke.label:
+            return f"{STRATEGY} says {read_frame_id(message.data)!r}, the stroke is {stroke.label}"
     return ""
 
 
 def _inspect_motion(
-    stroke: Stroke, joints: list[BagMessage], balls: list[BagMessage], limits: InspectionLimits
+    stroke: Stroke,
+    robot: Robot,
+    joints: list[BagMessage],
+    balls: list[BagMessage],
+    limits: InspectionLimits,
 ) -> Verdict:
-    translator = JointStateTranslator()
+    translator = JointStateTranslator(robot)
     joint_times, velocities = [], []
     try:
         for item in joints:
@@ -168,7 +168,7 @@ def _inspect_motion(
     gap_s = _longest_gap_s(stroke, balls, ball_times, stroke.launch_ns if fed else balls[0].log_time_ns)
     if gap_s > limits.ball_gap_s:
         return Verdict(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s")
-    return _inspect_speed(np.array(velocities), np.array(joint_times), limits)
+    return _inspect_speed(robot, np.array(velocities), np.array(joint_times), limits)
 
 
 def _read(message: BagMessage, role: str) -> Any:
@@ -187,15 +187,15 @@ def _longest_gap_s(stroke: Stroke, messages: list[BagMessage], stamps_ns: list[i
 
 
 def _inspect_speed(
-    velocity: NDArray[np.float64], times_ns: NDArray[np.int64], limits: InspectionLimits
+    robot: Robot, velocity: NDArray[np.float64], times_ns: NDArray[np.int64], limits: InspectionLimits
 ) -> Verdict:
-    fraction = np.abs(velocity) / SPEED_LIMIT_RAD_S
+    fraction = np.abs(velocity) / robot.limits.speed_rad_s
     worst, joint = np.unravel_index(int(fraction.argmax()), fraction.shape)
     if fraction[worst, joint] <= limits.speed_tolerance:
         return Verdict()
     since_s = float(times_ns[worst] - times_ns[0]) / 1e9
     return Verdict(
         Refusal.JOINT_SPEED,
-        f"{JOINT_NAMES[joint]} ran at {100 * fraction[worst, joint]:.1f} % of its speed limit, "
+        f"{robot.joint_names[joint]} ran at {100 * fraction[worst, joint]:.1f} % of its speed limit, "
         f"{since_s:.2f} s into the stroke",
     )

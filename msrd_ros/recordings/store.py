@@ -12,7 +12,9 @@ from msrd_ros.bags.static_transforms import static_transforms_from_urdf
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.bags.writer import keep_stroke
 from msrd_ros.contract.topics import CONTRACT, ROBOT_DESCRIPTION, TF_STATIC, BagMessage, BagTopic
+from msrd_ros.recordings.episodes import ROBOT_KEY
 from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict, inspect, label_joint_states
+from msrd_ros.robots.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class StrokeStore:
     ----------
     directory
         The folder of all subjects.
+    robot
+        The arm that is led.
     limits
         What is accepted.
     written_by
@@ -59,8 +63,14 @@ class StrokeStore:
     """
 
     def __init__(
-        self, directory: Path, limits: InspectionLimits, written_by: str, minimum_free_bytes: int = 0
+        self,
+        directory: Path,
+        robot: Robot,
+        limits: InspectionLimits,
+        written_by: str,
+        minimum_free_bytes: int = 0,
     ) -> None:
+        self._robot = robot
         self._directory = directory
         self._limits = limits
         self._written_by = written_by
@@ -92,7 +102,7 @@ class StrokeStore:
         keep_all
             Write refused strokes as well, marked as such; all but those without a label.
         """
-        verdict = inspect(stroke, self._limits)
+        verdict = inspect(stroke, self._robot, self._limits)
         if stroke.label is None or not (verdict.accepted or keep_all):
             return StoreResult(stroke, subject, verdict)
         free = self.free_bytes
@@ -104,6 +114,7 @@ class StrokeStore:
         custom_data = {
             "outcome": stroke.outcome,
             "version": self._written_by,
+            ROBOT_KEY: self._robot.name,
             "ball_id": stroke.ball_id,
             "kept": "true" if verdict.accepted else "false",
             "reason": verdict.reason,

@@ -19,4 +19,6 @@ def film_of(episode: Episode) -> NDArray[np.uint8]:
         hit_s = episode.outcome.hit_time_s
     last = len(episode.joint_position) - 1
     at = [min(max(round((hit_s + offset) / CONTROL_PERIOD_S), 0), last) for offset in FILM_OFFSETS_S]
-    return film_strip(film_frames(episode.joint_position, episode.ball_position, at), columns=3)
+    return film_strip(
+        film_frames(episode.robot, episode.joint_position, episode.ball_position, at), columns=3
+    )

@@ -1,48 +1,56 @@
-"""What the pictures of strokes have in common: colours by stroke, marks by side, spins, matrix cells."""
+"""What the pictures of strokes have in common: lines and marks by side, spins, matrix cells."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
-from msrd_ros.table_tennis.strokes.rates import SPIN_CLASS_BORDER_RAD_S
+from msrd_ros.table_tennis.strategies.table import Side, Strategy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours: told apart by the colour-blind, and different in grey.
-STROKE_COLOURS = {Stroke.PUSH: "#0072B2", Stroke.SLICE: "#E69F00", Stroke.TOPSPIN: "#7a1f5c"}
-SIDE_LINES = {Side.FOREHAND: "-", Side.BACKHAND: "--"}
-SIDE_MARKERS = {Side.FOREHAND: "o", Side.BACKHAND: "^"}
-STROKE_HATCHES = {Stroke.PUSH: "", Stroke.SLICE: "///", Stroke.TOPSPIN: "..."}
+SIDE_LINES: dict[Side | None, str] = dict(zip((*Side, None), ("-", "--", ":"), strict=True))
+SIDE_MARKERS: dict[Side | None, str] = dict(zip((*Side, None), ("o", "^", "s"), strict=True))
+"""None stands for a side that no table tells."""
+HATCHES = ("", "///", "...", "xxx", "ooo")
 
 
-def spin_histograms(spins: Mapping[str, Sequence[float]], labels: Sequence[StrategyLabel]) -> Figure:
+def by_side(strategies: Sequence[Strategy]) -> dict[str, list[Strategy]]:
+    """Strategies by the title of their panel: the sides, and one for those without if there are any."""
+    panels = {side.value: [each for each in strategies if each.side is side] for side in Side}
+    others = [each for each in strategies if each.side is None]
+    return {**panels, "side not listed": others} if others else panels
+
+
+def spin_histograms(
+    spins: Mapping[str, Sequence[float]], strategies: Sequence[Strategy], borders: Sequence[float]
+) -> Figure:
     """Spin about y of returned balls by label, rad/s; one panel a side, borders of the classes dotted."""
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(1, 2, figsize=(11, 3.0), sharey=True, sharex=True)
+    grouped = by_side(strategies)
+    figure, panels = plt.subplots(1, len(grouped), figsize=(11, 3.0), sharey=True, sharex=True)
     bins = np.arange(-200, 201, 10)
-    for axes, side in zip(panels, Side, strict=True):
-        for label in labels:
-            if label.side is side:
-                axes.hist(
-                    spins[str(label)],
-                    bins=bins,
-                    color=STROKE_COLOURS[label.stroke],
-                    alpha=0.75,
-                    label=label.stroke.value,
-                    hatch=STROKE_HATCHES[label.stroke],
-                    edgecolor="white",
-                )
-        for border in (-SPIN_CLASS_BORDER_RAD_S, SPIN_CLASS_BORDER_RAD_S):
+    for axes, (title, group) in zip(panels, grouped.items(), strict=True):
+        for strategy, hatch in zip(group, itertools.cycle(HATCHES), strict=False):
+            axes.hist(
+                spins[str(strategy.label)],
+                bins=bins,
+                color=strategy.colour,
+                alpha=0.75,
+                label=strategy.stroke,
+                hatch=hatch,
+                edgecolor="white",
+            )
+        for border in borders:
             axes.axvline(border, color="#333", linestyle=":", linewidth=1)
-        axes.set_title(side.value)
+        axes.set_title(title)
         axes.set_xlabel("spin, rad/s")
         axes.legend(fontsize=8)
     panels[0].set_ylabel("balls")

@@ -13,18 +13,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
+from msrd_ros.robots.robot import Robot
 from msrd_ros.robots.rotations import turn_between
-from msrd_ros.robots.sawyer import JOINT_COUNT, POSITION_LOWER_RAD, POSITION_UPPER_RAD
 
 Array = NDArray[np.float64]
 
-_LOWER = POSITION_LOWER_RAD.copy()
-_UPPER = POSITION_UPPER_RAD.copy()
-
 
 class Reached(NamedTuple):
-    """Joint angles (7,) in rad found, and how far they miss the target in m and rad."""
+    """Joint angles (N,) in rad found, and how far they miss the target in m and rad."""
 
     joint_position: Array
     distance_m: float
@@ -33,16 +31,16 @@ class Reached(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def joint_rates_for_twist(jacobian: Array, twist: Array, posture_rate: Array, damping: float) -> Array:
-    """Joint rates (7,) in rad/s that move the paddle with `twist`, not limited in speed.
+    """Joint rates (N,) in rad/s that move the paddle with `twist`, not limited in speed.
 
     Parameters
     ----------
     jacobian
-        Rows of the task, shape (m, 7); all six of `paddle_jacobian`, or some combination of them.
+        Rows of the task, shape (m, N); all six of `paddle_jacobian`, or some combination of them.
     twist
         Wanted task velocity, shape (m,).
     posture_rate
-        Joint rates preferred as far as the task leaves room, shape (7,).
+        Joint rates preferred as far as the task leaves room, shape (N,).
     damping
         Trades exactness for small joint rates near singular postures; 0.01 to 0.05.
     """
@@ -55,6 +53,7 @@ def joint_rates_for_twist(jacobian: Array, twist: Array, posture_rate: Array, da
 
 @njit(cache=True, nogil=True)
 def _search(
+    arm: Arm,
     position: Array,
     rotation: Array,
     normal_only: bool,
@@ -68,8 +67,8 @@ def _search(
     joints = start.copy()
     distance, angle = np.inf, np.inf
     for step in range(steps):
-        here, turned = paddle_pose(joints)
-        jacobian = paddle_jacobian(joints)
+        here, turned = paddle_pose(arm, joints)
+        jacobian = paddle_jacobian(arm, joints)
         error = np.empty(6)
         error[:3] = position - here
         if normal_only:
@@ -84,7 +83,7 @@ def _search(
             across = np.empty((2, 3))
             across[0] = turned[:, 0]
             across[1] = turned[:, 2]
-            task = np.empty((5, JOINT_COUNT))
+            task = np.empty((5, len(joints)))
             task[:3] = jacobian[:3]
             task[3:] = across @ jacobian[3:]
             goal = np.empty(5)
@@ -108,14 +107,23 @@ def _search(
     return joints, distance, angle
 
 
+def _bounds(robot: Robot, lower: Array | None, upper: Array | None) -> tuple[Array, Array]:
+    limits = robot.limits
+    return (
+        np.array(limits.lower_rad if lower is None else lower, dtype=np.float64),
+        np.array(limits.upper_rad if upper is None else upper, dtype=np.float64),
+    )
+
+
 def reach_pose(
+    robot: Robot,
     position: Array,
     rotation: Array,
     start: Array,
     posture: Array | None = None,
     *,
-    lower: Array = _LOWER,
-    upper: Array = _UPPER,
+    lower: Array | None = None,
+    upper: Array | None = None,
     posture_pull: float = 0.1,
     steps: int = 100,
 ) -> Reached:
@@ -124,37 +132,44 @@ def reach_pose(
     Parameters
     ----------
     start
-        Joint angles to search from, shape (7,); the posture family found is the one near it.
+        Joint angles to search from, shape (N,); the posture family found is the one near it.
     posture
-        Angles that the spare degree of freedom is drawn to, shape (7,); `start` if None.
+        Angles that the spare degree of freedom is drawn to, shape (N,); `start` if None.
     lower, upper
-        Position limits in rad, shape (7,).
+        Position limits in rad, shape (N,); those of the robot if None.
     posture_pull
         Share of the way to `posture` taken per step, as far as the target leaves room.
     steps
         At most so many iterations. The result says how far it got; nothing is raised.
     """
     favourite = start if posture is None else posture
-    return Reached(*_search(position, rotation, False, start, favourite, lower, upper, posture_pull, steps))
+    bounds = _bounds(robot, lower, upper)
+    return Reached(
+        *_search(robot.model, position, rotation, False, start, favourite, *bounds, posture_pull, steps)
+    )
 
 
 def reach_blade(
+    robot: Robot,
     position: Array,
     normal: Array,
     start: Array,
     posture: Array | None = None,
     *,
-    lower: Array = _LOWER,
-    upper: Array = _UPPER,
+    lower: Array | None = None,
+    upper: Array | None = None,
     posture_pull: float = 0.1,
     steps: int = 100,
 ) -> Reached:
-    """Joint angles that put the blade's centre at `position` with the forehand face along `normal` (3,).
+    """Joint angles that put the blade's centre at `position` with the front face along `normal` (3,).
 
-    For the backhand pass the opposite of the direction that its face shall look to. How the handle stands
+    For the back face pass the opposite of the direction that its face shall look to. How the handle stands
     about the normal is left to `posture`. Other parameters as in `reach_pose`.
     """
     favourite = start if posture is None else posture
     rotation = np.zeros((3, 3))
     rotation[:, 1] = normal / np.linalg.norm(normal)
-    return Reached(*_search(position, rotation, True, start, favourite, lower, upper, posture_pull, steps))
+    bounds = _bounds(robot, lower, upper)
+    return Reached(
+        *_search(robot.model, position, rotation, True, start, favourite, *bounds, posture_pull, steps)
+    )

@@ -1,6 +1,6 @@
 """Where the paddle and the links of the arm are, from the joint angles alone.
 
-Compiled forward kinematics from the published facts, shared by the Bullet simulator (one call per
+Compiled forward kinematics of a serial arm (`ArmModel`), shared by the Bullet simulator (one call per
 millisecond), the batched simulator (called from compiled loops) and the stroke planner. Everything is in
 the frame `world`; a twist is stacked velocity over angular velocity, both in `world`.
 """
@@ -13,110 +13,97 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.robots.sawyer import JOINT_COUNT
-from msrd_ros.robots.sawyer_description import (
-    ARM_JOINTS,
-    BASE_POSITION,
-    BLADE_CENTRE_BEYOND_FLANGE_M,
-)
+from msrd_ros.robots.arm_model import Arm
 
 Array = NDArray[np.float64]
 
 
-def rotation_from_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array:
-    """Rotation matrix (3, 3) of fixed-axis roll, pitch and yaw in rad, as URDF has them."""
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
-LINK_NAMES: tuple[str, ...] = tuple(joint.child for joint in ARM_JOINTS)
-"""The moving links, in the order of `link_frames`."""
-
-_BASE = np.array(BASE_POSITION)
-_OFFSETS = np.array([joint.offset for joint in ARM_JOINTS])
-_ROTATIONS = np.array([rotation_from_roll_pitch_yaw(*joint.roll_pitch_yaw) for joint in ARM_JOINTS])
-_REACH = BLADE_CENTRE_BEYOND_FLANGE_M
-
-
 @njit(cache=True, nogil=True)
-def _turn_onto_child(index: int, angle: float, position: Array, rotation: Array) -> None:
+def _turn_onto_child(arm: Arm, index: int, angle: float, position: Array, rotation: Array) -> None:
     """Move a frame, in place, from the parent link of joint `index` onto its child link."""
+    offset, turn = arm[0].offsets[index], arm[0].rotations[index]
     c, s = math.cos(angle), math.sin(angle)
     for row in range(3):
         r0, r1, r2 = rotation[row, 0], rotation[row, 1], rotation[row, 2]
-        position[row] += r0 * _OFFSETS[index, 0] + r1 * _OFFSETS[index, 1] + r2 * _OFFSETS[index, 2]
-        x = r0 * _ROTATIONS[index, 0, 0] + r1 * _ROTATIONS[index, 1, 0] + r2 * _ROTATIONS[index, 2, 0]
-        y = r0 * _ROTATIONS[index, 0, 1] + r1 * _ROTATIONS[index, 1, 1] + r2 * _ROTATIONS[index, 2, 1]
-        rotation[row, 2] = (
-            r0 * _ROTATIONS[index, 0, 2] + r1 * _ROTATIONS[index, 1, 2] + r2 * _ROTATIONS[index, 2, 2]
-        )
+        position[row] += r0 * offset[0] + r1 * offset[1] + r2 * offset[2]
+        x = r0 * turn[0, 0] + r1 * turn[1, 0] + r2 * turn[2, 0]
+        y = r0 * turn[0, 1] + r1 * turn[1, 1] + r2 * turn[2, 1]
+        rotation[row, 2] = r0 * turn[0, 2] + r1 * turn[1, 2] + r2 * turn[2, 2]
         rotation[row, 0] = x * c + y * s
         rotation[row, 1] = y * c - x * s
 
 
 @njit(cache=True, nogil=True)
-def _place_at_base(position: Array, rotation: Array) -> None:
+def _turn_onto_paddle(arm: Arm, position: Array, rotation: Array) -> None:
+    """Move a frame, in place, from the last link onto the paddle."""
+    offset, turn = arm[0].paddle_position, arm[0].paddle_rotation
     for row in range(3):
-        position[row] = _BASE[row]
+        r0, r1, r2 = rotation[row, 0], rotation[row, 1], rotation[row, 2]
+        position[row] += r0 * offset[0] + r1 * offset[1] + r2 * offset[2]
         for column in range(3):
-            rotation[row, column] = 1.0 if row == column else 0.0
+            rotation[row, column] = r0 * turn[0, column] + r1 * turn[1, column] + r2 * turn[2, column]
 
 
 @njit(cache=True, nogil=True)
-def place_paddle(joint_position: Array, position: Array, rotation: Array) -> None:
+def _place_at_base(arm: Arm, position: Array, rotation: Array) -> None:
+    for row in range(3):
+        position[row] = arm[0].base_position[row]
+        for column in range(3):
+            rotation[row, column] = arm[0].base_rotation[row, column]
+
+
+@njit(cache=True, nogil=True)
+def place_paddle(arm: Arm, joint_position: Array, position: Array, rotation: Array) -> None:
     """Write the pose of the paddle into arrays that the caller keeps.
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     joint_position
-        Angles of right_j0..right_j6 in rad, shape (7,).
+        Angles in rad, shape (N,).
     position
         Filled with the blade's centre in m, shape (3,).
     rotation
-        Filled with the rotation of `right_l6`, shape (3, 3): columns are its axes in `world`; column 1 is
-        the normal of the forehand face, column 2 points along the handle to the blade.
+        Filled with its rotation, shape (3, 3): columns are its axes in `world`; column 1 is
+        the normal of the front face, column 2 points along the handle to the blade.
     """
-    _place_at_base(position, rotation)
-    for index in range(JOINT_COUNT):
-        _turn_onto_child(index, joint_position[index], position, rotation)
-    for row in range(3):
-        position[row] += _REACH * rotation[row, 2]
+    count = len(arm[0].speed)
+    _place_at_base(arm, position, rotation)
+    for index in range(count):
+        _turn_onto_child(arm, index, joint_position[index], position, rotation)
+    _turn_onto_paddle(arm, position, rotation)
 
 
 @njit(cache=True, nogil=True)
-def place_moving_paddle(joint_position: Array, joint_velocity: Array, paddle: Array) -> None:
+def place_moving_paddle(arm: Arm, joint_position: Array, joint_velocity: Array, paddle: Array) -> None:
     """Write pose and motion of the paddle as the twelve floats that the ball's contacts want.
 
     Velocities are carried outwards along the chain, which costs little more than the pose alone.
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     joint_position, joint_velocity
-        Shape (7,), rad and rad/s.
+        Shape (N,), rad and rad/s.
     paddle
-        Filled with blade centre (m), normal of the forehand face, velocity of the centre (m/s) and angular
+        Filled with blade centre (m), normal of the front face, velocity of the centre (m/s) and angular
         velocity (rad/s), shape (12,).
     """
+    count = len(arm[0].speed)
     position, rotation = np.empty(3), np.empty((3, 3))
-    _place_at_base(position, rotation)
+    _place_at_base(arm, position, rotation)
     vx = vy = vz = wx = wy = wz = 0.0
-    for index in range(JOINT_COUNT + 1):
+    for index in range(count + 1):
         x, y, z = position[0], position[1], position[2]
-        if index < JOINT_COUNT:
-            _turn_onto_child(index, joint_position[index], position, rotation)
+        if index < count:
+            _turn_onto_child(arm, index, joint_position[index], position, rotation)
         else:
-            for row in range(3):
-                position[row] += _REACH * rotation[row, 2]
+            _turn_onto_paddle(arm, position, rotation)
         x, y, z = position[0] - x, position[1] - y, position[2] - z
         vx, vy, vz = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
-        if index < JOINT_COUNT:
+        if index < count:
             wx += joint_velocity[index] * rotation[0, 2]
             wy += joint_velocity[index] * rotation[1, 2]
             wz += joint_velocity[index] * rotation[2, 2]
@@ -128,36 +115,39 @@ def place_moving_paddle(joint_position: Array, joint_velocity: Array, paddle: Ar
 
 
 @njit(cache=True, nogil=True)
-def paddle_pose(joint_position: Array) -> tuple[Array, Array]:
+def paddle_pose(arm: Arm, joint_position: Array) -> tuple[Array, Array]:
     """Blade centre (3,) in m and rotation (3, 3) of the paddle; see `place_paddle`."""
     position = np.empty(3)
     rotation = np.empty((3, 3))
-    place_paddle(joint_position, position, rotation)
+    place_paddle(arm, joint_position, position, rotation)
     return position, rotation
 
 
 @njit(cache=True, nogil=True)
-def link_frames(joint_position: Array) -> tuple[Array, Array]:
-    """Origins (7, 3) in m and rotations (7, 3, 3) of right_l0..right_l6."""
-    positions = np.empty((JOINT_COUNT, 3))
-    rotations = np.empty((JOINT_COUNT, 3, 3))
+def link_frames(arm: Arm, joint_position: Array) -> tuple[Array, Array]:
+    """Origins (N, 3) in m and rotations (N, 3, 3) of the links behind the joints."""
+    count = len(arm[0].speed)
+    positions = np.empty((count, 3))
+    rotations = np.empty((count, 3, 3))
     position = np.empty(3)
     rotation = np.empty((3, 3))
-    _place_at_base(position, rotation)
-    for index in range(JOINT_COUNT):
-        _turn_onto_child(index, joint_position[index], position, rotation)
+    _place_at_base(arm, position, rotation)
+    for index in range(count):
+        _turn_onto_child(arm, index, joint_position[index], position, rotation)
         positions[index] = position
         rotations[index] = rotation
     return positions, rotations
 
 
 @njit(cache=True, nogil=True)
-def paddle_jacobian(joint_position: Array) -> Array:
-    """Geometric Jacobian (6, 7) of the blade's centre: joint rates to velocity over angular velocity."""
-    origins, rotations = link_frames(joint_position)
-    jacobian = np.empty((6, JOINT_COUNT))
-    tip = origins[JOINT_COUNT - 1] + _REACH * rotations[JOINT_COUNT - 1, :, 2]
-    for index in range(JOINT_COUNT):
+def paddle_jacobian(arm: Arm, joint_position: Array) -> Array:
+    """Geometric Jacobian (6, N) of the blade's centre: joint rates to velocity over angular velocity."""
+    count = len(arm[0].speed)
+    origins, rotations = link_frames(arm, joint_position)
+    jacobian = np.empty((6, count))
+    last, mount = rotations[count - 1], arm[0].paddle_position
+    tip = origins[count - 1] + (last[:, 0] * mount[0] + last[:, 1] * mount[1] + last[:, 2] * mount[2])
+    for index in range(count):
         ax, ay, az = rotations[index, 0, 2], rotations[index, 1, 2], rotations[index, 2, 2]
         dx, dy, dz = tip[0] - origins[index, 0], tip[1] - origins[index, 1], tip[2] - origins[index, 2]
         jacobian[0, index] = ay * dz - az * dy
@@ -167,14 +157,3 @@ def paddle_jacobian(joint_position: Array) -> Array:
         jacobian[4, index] = ay
         jacobian[5, index] = az
     return jacobian
-
-
-@njit(cache=True, nogil=True)
-def paddle_twist(joint_position: Array, joint_velocity: Array) -> Array:
-    """Velocity (m/s) over angular velocity (rad/s) of the blade's centre, shape (6,)."""
-    jacobian = paddle_jacobian(joint_position)
-    twist = np.zeros(6)
-    for row in range(6):
-        for column in range(JOINT_COUNT):
-            twist[row] += jacobian[row, column] * joint_velocity[column]
-    return twist

@@ -20,23 +20,7 @@ from numba import njit, vectorize
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.sawyer import (
-    JOINT_NAMES,
-    POSITION_LOWER_RAD,
-    POSITION_UPPER_RAD,
-    SPEED_LIMIT_RAD_S,
-)
-
-ACCELERATION_LIMIT_RAD_S2: NDArray[np.float64] = np.array([15.0, 10.0, 20.0, 20.0, 40.0, 40.0, 60.0])
-ACCELERATION_LIMIT_RAD_S2.setflags(write=False)
-
-POSITION_MARGIN_RAD = 0.01
-"""Kept free before each position limit, so that tracking errors never reach the hard stop."""
-LOWEST_RAD: NDArray[np.float64] = POSITION_LOWER_RAD + POSITION_MARGIN_RAD
-HIGHEST_RAD: NDArray[np.float64] = POSITION_UPPER_RAD - POSITION_MARGIN_RAD
-"""Between these every command stays."""
-LOWEST_RAD.setflags(write=False)
-HIGHEST_RAD.setflags(write=False)
+from msrd_ros.robots.robot import Robot
 
 
 @njit(cache=True)
@@ -73,23 +57,25 @@ _next_velocities = vectorize(["float64(" + ", ".join(["float64"] * 8) + ")"], ca
 
 
 class JointReference(NamedTuple):
-    """Commanded state of the joints: position (..., 7) in rad and velocity (..., 7) in rad/s."""
+    """Commanded state of the joints: position (..., N) in rad and velocity (..., N) in rad/s."""
 
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
 
 
 def shape_command(
-    reference: JointReference, wanted_velocity: NDArray[np.float64], period_s: float
+    robot: Robot, reference: JointReference, wanted_velocity: NDArray[np.float64], period_s: float
 ) -> JointReference:
     """Next commanded state within speed, acceleration and position limits.
 
     Parameters
     ----------
+    robot
+        Whose limits hold; N joints.
     reference
-        The commanded state so far, shape (..., 7).
+        The commanded state so far, shape (..., N).
     wanted_velocity
-        Joint velocity asked for, rad/s, shape (..., 7). Infinite and huge values are limited like any
+        Joint velocity asked for, rad/s, shape (..., N). Infinite and huge values are limited like any
         other; NaN is refused.
     period_s
         Control period in seconds.
@@ -101,16 +87,17 @@ def shape_command(
     """
     missing = np.isnan(wanted_velocity)
     if missing.any():
-        joint = JOINT_NAMES[int(np.argwhere(missing)[0][-1])]
+        joint = robot.joint_names[int(np.argwhere(missing)[0][-1])]
         raise UserError(f"velocity wanted of joint {joint} is not a number; the policy's output is unusable")
+    limits = robot.limits
     velocity = _next_velocities(
         reference.position,
         reference.velocity,
         wanted_velocity,
-        LOWEST_RAD,
-        HIGHEST_RAD,
-        SPEED_LIMIT_RAD_S,
-        ACCELERATION_LIMIT_RAD_S2,
+        limits.lowest_rad,
+        limits.highest_rad,
+        limits.speed_rad_s,
+        limits.acceleration_rad_s2,
         period_s,
     )
     position = reference.position + 0.5 * (reference.velocity + velocity) * period_s
@@ -118,15 +105,21 @@ def shape_command(
 
 
 def velocity_towards(
-    reference: JointReference, goal: NDArray[np.float64], period_s: float, speed_fraction: float = 0.5
+    robot: Robot,
+    reference: JointReference,
+    goal: NDArray[np.float64],
+    period_s: float,
+    speed_fraction: float = 0.5,
 ) -> NDArray[np.float64]:
-    """Joint velocity (..., 7) in rad/s that leads the reference to `goal` and comes to rest there.
+    """Joint velocity (..., N) in rad/s that leads the reference to `goal` and comes to rest there.
 
     The square-root profile of a joint that brakes at half its acceleration limit, at most
     `speed_fraction` of its speed limit.
     """
     error = goal - reference.position
-    braking = np.sqrt(ACCELERATION_LIMIT_RAD_S2 * np.abs(error))
+    braking = np.sqrt(robot.limits.acceleration_rad_s2 * np.abs(error))
     # Within a period's reach the linear law takes over and lands exactly.
-    speed = np.minimum(np.minimum(braking, SPEED_LIMIT_RAD_S * speed_fraction), np.abs(error) / period_s / 2)
+    speed = np.minimum(
+        np.minimum(braking, robot.limits.speed_rad_s * speed_fraction), np.abs(error) / period_s / 2
+    )
     return np.sign(error) * speed

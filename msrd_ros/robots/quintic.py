@@ -14,17 +14,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.robot import JointLimits, Robot
 
 Array = NDArray[np.float64]
 
-_SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
-_ACCELERATION_LIMIT = ACCELERATION_LIMIT_RAD_S2.copy()
-
 
 class JointState(NamedTuple):
-    """Joint angles (7,) in rad, their rates in rad/s and accelerations in rad/s^2."""
+    """Joint angles (N,) in rad, their rates in rad/s and accelerations in rad/s^2."""
 
     position: Array
     velocity: Array
@@ -46,9 +43,9 @@ def swing_state(
     Parameters
     ----------
     position, velocity, acceleration
-        State of the joints at the start, shape (7,); rad, rad/s, rad/s^2.
+        State of the joints at the start, shape (N,); rad, rad/s, rad/s^2.
     hit_position, hit_velocity
-        State at the hit, shape (7,).
+        State at the hit, shape (N,).
     duration
         From start to hit, s, positive.
     phase
@@ -93,7 +90,7 @@ class JointStroke:
     hit_time_s
         When the ball is met.
     hit_position, hit_velocity
-        State of the joints at the hit, shape (7,), rad and rad/s.
+        State of the joints at the hit, shape (N,), rad and rad/s.
     follow_s
         How long the follow-through takes to come to rest.
     """
@@ -124,7 +121,7 @@ class JointStroke:
         return JointState(*follow_state(self.hit_position, self.hit_velocity, self.follow_s, phase))
 
     def sample(self, times_s: Array) -> JointState:
-        """States at many times (T,): arrays of shape (T, 7)."""
+        """States at many times (T,): arrays of shape (T, N)."""
         states = [self.at(float(time)) for time in times_s]
         return JointState(
             np.array([state.position for state in states]),
@@ -145,11 +142,11 @@ class JointStroke:
             follow_s=self.follow_s,
         )
 
-    def peak_fractions(self, period_s: float = 0.005) -> tuple[Array, Array]:
-        """Largest |speed| and |acceleration| of each joint, (7,) each, as fractions of the limits."""
+    def peak_fractions(self, limits: JointLimits, period_s: float = 0.005) -> tuple[Array, Array]:
+        """Largest |speed| and |acceleration| of each joint, (N,) each, as fractions of the limits."""
         states = self.sample(np.arange(self.start_time_s, self.end_time_s + period_s, period_s))
-        speed = np.abs(states.velocity).max(axis=0) / SPEED_LIMIT_RAD_S
-        return speed, np.abs(states.acceleration).max(axis=0) / ACCELERATION_LIMIT_RAD_S2
+        speed = np.abs(states.velocity).max(axis=0) / limits.speed_rad_s
+        return speed, np.abs(states.acceleration).max(axis=0) / limits.acceleration_rad_s2
 
 
 def stroke_from_rest(
@@ -161,13 +158,18 @@ def stroke_from_rest(
     swing_s: float,
     follow_s: float,
 ) -> JointStroke:
-    """A whole stroke: at rest in the ready pose (7,) until `swing_s` before the hit."""
-    rest = JointState(np.array(ready_position, dtype=np.float64), np.zeros(7), np.zeros(7))
+    """A whole stroke: at rest in the ready pose (N,) until `swing_s` before the hit."""
+    rest = JointState(
+        np.array(ready_position, dtype=np.float64),
+        np.zeros_like(ready_position),
+        np.zeros_like(ready_position),
+    )
     return JointStroke(hit_time_s - swing_s, rest, hit_time_s, hit_position, hit_velocity, follow_s)
 
 
 @njit(cache=True, nogil=True)
 def _swing_effort(
+    arm: Arm,
     position: Array,
     velocity: Array,
     acceleration: Array,
@@ -180,11 +182,13 @@ def _swing_effort(
         _, speed, change = swing_state(
             position, velocity, acceleration, hit_position, hit_velocity, duration, phase / 10.0
         )
-        peak = max(peak, np.max(np.abs(speed) / _SPEED_LIMIT), np.max(np.abs(change) / _ACCELERATION_LIMIT))
+        peak = max(peak, np.max(np.abs(speed) / arm[0].speed), np.max(np.abs(change) / arm[0].acceleration))
     return peak
 
 
-def swing_effort(stroke: JointStroke) -> float:
+def swing_effort(stroke: JointStroke, robot: Robot) -> float:
     """Largest share of its speed or acceleration limit that a joint takes on the way to the hit."""
     duration = stroke.hit_time_s - stroke.start_time_s
-    return float(_swing_effort(*stroke.start, stroke.hit_position, stroke.hit_velocity, duration))
+    return float(
+        _swing_effort(robot.model, *stroke.start, stroke.hit_position, stroke.hit_velocity, duration)
+    )

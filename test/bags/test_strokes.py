@@ -14,6 +14,7 @@ from msrd_ros.contract.outcome import MissReason
 from msrd_ros.contract.topics import BagMessage
 from msrd_ros.nodes.adaptive import LossCounter
 from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict, inspect, label_joint_states
+from sawyer import ROBOT
 from synthetic_strokes import (
     LAUNCH_S,
     RALLY_S,
@@ -53,7 +54,7 @@ def cut(items: Iterable[Arrival], settings: CutSettings | None = None) -> list[S
 
 def judge(messages: Iterable[BagMessage]) -> Verdict:
     (stroke,) = cut(arrivals(messages))
-    return inspect(stroke, LIMITS)
+    return inspect(stroke, ROBOT, LIMITS)
 
 
 def test_a_header_is_read_from_the_bytes_alone() -> None:
@@ -105,7 +106,7 @@ def test_a_launch_long_after_its_feed_is_found_by_the_labels_of_the_joint_states
     assert stroke.launch_ns == START_NS + int(LAUNCH_S * 1e9)
     (feed,) = [message for message in stroke.messages if message.topic == "feed"]
     assert feed.log_time_ns == stroke.messages[0].log_time_ns
-    assert inspect(stroke, LIMITS).accepted
+    assert inspect(stroke, ROBOT, LIMITS).accepted
 
 
 def test_feeds_given_in_advance_go_to_their_own_balls() -> None:
@@ -121,7 +122,7 @@ def test_feeds_given_in_advance_go_to_their_own_balls() -> None:
     assert [[m.data for m in stroke.messages if m.topic == "feed"] for stroke in strokes] == [
         [feed.data] for feed in feeds
     ]
-    assert all(inspect(stroke, LIMITS).accepted for stroke in strokes)
+    assert all(inspect(stroke, ROBOT, LIMITS).accepted for stroke in strokes)
 
 
 def test_a_strategy_set_in_mid_flight_is_that_of_the_next_ball() -> None:
@@ -136,7 +137,7 @@ def test_a_strategy_set_in_mid_flight_is_that_of_the_next_ball() -> None:
     for stroke in strokes:
         (told,) = [message for message in stroke.messages if message.topic == "strategy"]
         assert read_frame_id(told.data) == str(stroke.label)
-        assert inspect(stroke, LIMITS).accepted
+        assert inspect(stroke, ROBOT, LIMITS).accepted
 
 
 def test_a_strategy_that_is_heard_just_after_its_ball_counts() -> None:
@@ -151,7 +152,7 @@ def test_a_strategy_that_is_heard_just_after_its_ball_counts() -> None:
 def test_a_ball_thrown_by_hand_needs_no_feed() -> None:
     messages = [m for m in stroke_messages(joint_frame="base_link") if m.topic != "feed"]
     (stroke,) = cut(arrivals(messages))
-    assert inspect(stroke, LIMITS).accepted
+    assert inspect(stroke, ROBOT, LIMITS).accepted
     assert len([m for m in stroke.messages if m.topic == "joint_states"]) == 563
 
 
@@ -235,7 +236,7 @@ def test_simulated_time_that_jumps_back_begins_a_new_world() -> None:
         buffer.add(item)
     stroke = buffer.cut()
     assert stroke.messages[0].log_time_ns == SIMULATED_NS + 100_000_000
-    assert inspect(stroke, LIMITS).accepted
+    assert inspect(stroke, ROBOT, LIMITS).accepted
 
 
 def test_a_recording_is_split_at_its_outcomes() -> None:
@@ -256,17 +257,15 @@ def test_what_is_refused_says_why() -> None:
     assert judge([m for m in good if m.topic != "ball/position"]).reason == Refusal.NO_BALL
     assert judge([m for m in good if m.topic != "joint_states"]).reason == Refusal.NO_JOINT_STATES
     conflict = [
-        m._replace(data=joint_state(m.log_time_ns, "forehand-slice"))
-        if m.topic == "joint_states" and n > 600
-        else m
-        for n, m in enumerate(good)
+        m._replace(data=outcome(m.log_time_ns, "forehand-slice")) if m.topic == "rally/outcome" else m
+        for m in good
     ]
     verdict = judge(conflict)
     assert verdict.reason == Refusal.LABEL_CONFLICT
     assert "forehand-slice" in verdict.detail
     (stroke,) = cut(arrivals(good))
-    assert inspect(dataclasses.replace(stroke, lost=3), LIMITS).reason == Refusal.MESSAGES_LOST
-    assert inspect(dataclasses.replace(stroke, outcome=""), LIMITS).reason == Refusal.BAD_OUTCOME
+    assert inspect(dataclasses.replace(stroke, lost=3), ROBOT, LIMITS).reason == Refusal.MESSAGES_LOST
+    assert inspect(dataclasses.replace(stroke, outcome=""), ROBOT, LIMITS).reason == Refusal.BAD_OUTCOME
 
 
 def test_a_joint_one_percent_over_its_limit_is_refused_by_name() -> None:
@@ -307,12 +306,12 @@ def test_a_stroke_that_is_first_heard_in_mid_flight_is_refused(
         for heard_s in (-0.1, 0.3)
     )
     (whole,) = cut(come_in(early))
-    assert inspect(whole, LIMITS).accepted
+    assert inspect(whole, ROBOT, LIMITS).accepted
     (torn,) = cut(come_in(late))
-    verdict = inspect(torn, LIMITS)
+    verdict = inspect(torn, ROBOT, LIMITS)
     assert verdict.reason == (Refusal.LAUNCH_MISSED if come_in is in_simulated_time else Refusal.JOINT_GAP)
     (told_nothing,) = cut(come_in([m for m in late if m.topic not in ("strategy", "feed")]))
-    verdict = inspect(dataclasses.replace(told_nothing, label=whole.label), LIMITS)
+    verdict = inspect(dataclasses.replace(told_nothing, label=whole.label), ROBOT, LIMITS)
     assert verdict.reason == Refusal.LAUNCH_MISSED
     assert "0.300 s after the launch" in verdict.detail
 

@@ -11,8 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import JointState
 
-from msrd_ros.contract.episode import OBSERVATION_NAMES, action_to_velocity
-from msrd_ros.contract.labels import ALL_LABELS, Side
+from msrd_ros.contract.episode import action_to_velocity, observation_names
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.translation import (
     BallTracker,
@@ -32,9 +31,11 @@ from msrd_ros.nodes.messages import (
     outcome_to_message,
 )
 from msrd_ros.robots.limits import JointReference
-from msrd_ros.robots.sawyer import JOINT_NAMES, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
+from sawyer import JOINT_NAMES, POSITION_UPPER_RAD, ROBOT, SPEED_LIMIT_RAD_S
 
 LABEL = ALL_LABELS[2]
 MS = 1_000_000
@@ -51,13 +52,13 @@ def joint_state(names: list[str], **fields: list[float]) -> JointState:
 
 def test_joints_are_found_by_name_in_any_order_among_others() -> None:
     names = ["head_pan", *reversed(JOINT_NAMES), "right_gripper"]
-    position, velocity = JointStateTranslator().read(joint_state(names))
+    position, velocity = JointStateTranslator(ROBOT).read(joint_state(names))
     np.testing.assert_array_equal(position, [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0])
     np.testing.assert_array_equal(velocity, -position)
 
 
 def test_the_order_may_change_from_message_to_message() -> None:
-    translator = JointStateTranslator()
+    translator = JointStateTranslator(ROBOT)
     translator.read(joint_state(list(reversed(JOINT_NAMES))))
     position, _ = translator.read(joint_state(list(JOINT_NAMES)))
     np.testing.assert_array_equal(position, np.arange(7.0))
@@ -77,13 +78,13 @@ def test_the_order_may_change_from_message_to_message() -> None:
 )
 def test_joint_states_that_cannot_be_used_name_joint_and_topic(message: JointState, words: str) -> None:
     with pytest.raises(UserError, match=words) as raised:
-        JointStateTranslator("topic /lab/joint_states").read(message)
+        JointStateTranslator(ROBOT, "topic /lab/joint_states").read(message)
     assert str(raised.value).startswith("topic /lab/joint_states: ")
 
 
 def test_a_joint_that_is_not_ours_may_be_broken() -> None:
     message = joint_state([*JOINT_NAMES, "head_pan"], position=[0.0] * 7 + [np.nan])
-    assert np.isfinite(JointStateTranslator().read(message)[0]).all()
+    assert np.isfinite(JointStateTranslator(ROBOT).read(message)[0]).all()
 
 
 # -- ball --------------------------------------------------------------------------------------------------
@@ -149,14 +150,14 @@ def assemble(joint_ms: int = 4, ball_ms: int = 5, end_ms: int = 2000, horizon: i
 def test_a_stroke_begins_with_the_launch_and_is_sampled_every_control_period() -> None:
     episode = assemble()
     ticks = 0.02 * np.arange(96)
-    assert episode.observations.shape == (96, len(OBSERVATION_NAMES))
+    assert episode.observations.shape == (96, len(observation_names(ROBOT)))
     np.testing.assert_allclose(episode.joint_position, np.repeat(ticks[:, None], 7, axis=1), atol=1e-12)
     np.testing.assert_allclose(episode.ball_position[:, 0], 1.5 - 5.0 * ticks, atol=1e-12)
     np.testing.assert_allclose(episode.ball_velocity[0], 0.0)
     np.testing.assert_allclose(episode.ball_velocity[1:, 0], -5.0)
     # The action of a step is the velocity at its end, as a fraction of the limit, as a command asks for it.
     np.testing.assert_allclose(
-        action_to_velocity(episode.actions),
+        action_to_velocity(ROBOT, episode.actions),
         np.clip(episode.joint_velocity[1:], -SPEED_LIMIT_RAD_S, SPEED_LIMIT_RAD_S),
         atol=1e-12,
     )
@@ -217,7 +218,7 @@ def test_feeds_outcomes_commands_and_gestures_read_back_exactly() -> None:
     label, read = read_outcome(outcome_to_message(missed, None, Time()))
     assert (label, read.message) == (None, "missed")
     reference = JointReference(rng.uniform(-1.0, 1.0, 7), rng.uniform(-1.0, 1.0, 7))
-    command = command_from_message(command_to_message(reference, LABEL, Time(), 0.02))
+    command = command_from_message(ROBOT, command_to_message(ROBOT, reference, LABEL, Time(), 0.02))
     np.testing.assert_array_equal(command.position, reference.position)
     np.testing.assert_array_equal(command.velocity, reference.velocity)
     assert (command.label, command.period_s) == (LABEL, 0.02)
@@ -231,7 +232,7 @@ def test_feeds_outcomes_commands_and_gestures_read_back_exactly() -> None:
 
 
 def command(**changes: Any) -> Any:
-    message = command_to_message(JointReference(np.zeros(7), np.zeros(7)), LABEL, Time(), 0.02)
+    message = command_to_message(ROBOT, JointReference(np.zeros(7), np.zeros(7)), LABEL, Time(), 0.02)
     for name, value in changes.items():
         target = message if name in ("joint_names", "points") else message.points[0]
         setattr(target, name, value)
@@ -252,14 +253,14 @@ def command(**changes: Any) -> Any:
         (command(velocities=[0.0] * 3 + [np.nan] + [0.0] * 3), "joint right_j3 .* beyond its limits"),
         (command(positions=[0.0] * 5 + [-np.inf, 0.0]), "joint right_j5 .* beyond its limits"),
         (
-            command_to_message(JointReference(np.zeros(7), np.zeros(7)), None, Time(), 0.0),
+            command_to_message(ROBOT, JointReference(np.zeros(7), np.zeros(7)), None, Time(), 0.0),
             "time_from_start is 0 s",
         ),
     ],
 )
 def test_commands_that_cannot_be_obeyed_are_refused_by_joint(message: Any, words: str) -> None:
     with pytest.raises(UserError, match=f"topic joint_command: .*{words}"):
-        command_from_message(message)
+        command_from_message(ROBOT, message)
 
 
 def test_feeds_and_gestures_in_another_frame_or_without_numbers_are_refused() -> None:

@@ -7,16 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.learning.policy import PolicySet
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ROBOT
 
 HIDDEN = 8
 
 
 def made_up_policies(
-    labels: Sequence[StrategyLabel] = ALL_LABELS, gain: float = 0.3, log_std: float = -1.0, seed: int = 0
+    labels: Sequence[PaperLabel] = ALL_LABELS, gain: float = 0.3, log_std: float = -1.0, seed: int = 0
 ) -> StrokePolicies:
     """Policies that move the arm about smoothly from the planned strokes' ready poses.
 
@@ -32,7 +34,7 @@ def made_up_policies(
         Of the weights.
     """
     rng = np.random.default_rng(seed)
-    layout = stroke_layout(labels)
+    layout = stroke_layout(ROBOT, labels)
     count, seen, said = len(labels), len(layout.observation_names), len(layout.action_names)
     tensors = {
         "weight/0": rng.normal(size=(count, seen, HIDDEN)).astype(np.float32),
@@ -45,8 +47,8 @@ def made_up_policies(
         "scale": np.full(seen, 3.0, np.float32),
     }
     planned = planned_strokes()
-    facts = {
-        label: StrokeFacts(planned[label].start.position, np.array([0.9, 0.1 * index]))
+    facts: dict[StrategyLabel, StrokeFacts] = {
+        label: StrokeFacts(planned[label].start.position, np.array([0.9, 0.1 * index]), label.side)
         for index, label in enumerate(labels)
     }
     return StrokePolicies(PolicySet(layout, tensors, {"method": "made up"}), facts)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from msrd_ros.studies.reproduce import main
-from msrd_ros.studies.shared.methods import Method
+from msrd_ros.studies.shared.methods import METHODS
 
 
 def play(study: str, folder: Path) -> float:
@@ -24,7 +24,7 @@ def written_by_virtual_study(study: str, folder: Path, pictures: int) -> dict[st
     assert metrics["study"] == study
     assert metrics["seeds"] == [0]
     methods: dict[str, Any] = metrics["methods"]
-    assert set(methods) == {method.value for method in Method}
+    assert set(methods) == set(METHODS)
     steps = [methods[name]["env_steps"][0] for name in ("msrd", "airl", "airl_each")]
     assert len(set(steps)) == 1
     assert methods["airl"]["strategy_r"] == [None]

@@ -9,7 +9,7 @@ import numpy as np
 from msrd_ros.bags.schemas import serialise, typestore
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.topics import CONTRACT, BagMessage, BagTopic
-from msrd_ros.robots.sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
+from sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
 
 START_NS = 1_700_000_000_000_000_000
 LAUNCH_S = 0.3

@@ -25,6 +25,7 @@ from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE
 from msrd_ros.nodes.messages import command_to_message, feed_to_message
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.table_tennis.ball.feeder import Feed
+from sawyer import ROBOT
 from stack import Stack
 
 
@@ -71,7 +72,7 @@ class TableSide:
         """Send a command, by default with the stamp of the newest joint state."""
         reference = JointReference(position, np.zeros(7) if velocity is None else velocity)
         message = command_to_message(
-            reference, label, stamp or self.states[-1].header.stamp, CONTROL_PERIOD_S
+            ROBOT, reference, label, stamp or self.states[-1].header.stamp, CONTROL_PERIOD_S
         )
         self.command.publish(message)
         return message

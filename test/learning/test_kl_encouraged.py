@@ -97,9 +97,7 @@ def test_stages_are_played_as_they_are_written(strategies: int) -> None:
         1,
         TrustRegionConfig(),
         ValueConfig(hidden=(8,), steps=1, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
-        0,
+        seed=0,
     )
     said: list[str] = []
     train_in_stages(training, (Stage(2, 3, 5), Stage(1, 2, 11)), progress=said.append)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,6 @@ from learning_problems import (
     soft_optimal,
     true_rewards,
 )
-from msrd_ros.learning.airl import airl_per_strategy, pooled_airl
 from msrd_ros.learning.baselines import StrategyClassifier, SupervisedRewards
 from msrd_ros.learning.categorical import CategoricalPolicies
 from msrd_ros.learning.cloning import CloningConfig
@@ -30,11 +28,14 @@ from msrd_ros.learning.config import (
     MSRDConfig,
     PolicyConfig,
     PolicyReward,
+    RefitConfig,
     ReplayConfig,
     RewardConfig,
     TaskUpdate,
 )
 from msrd_ros.learning.discriminator import Penalty
+from msrd_ros.learning.method import Problem
+from msrd_ros.learning.methods import find_method
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.presets import as_printed
@@ -87,16 +88,16 @@ class Counting:
         return rollouts
 
 
-@pytest.mark.parametrize("make", [MSRD, pooled_airl, airl_per_strategy])
-def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_examples(
-    make: Callable[..., MSRD],
-) -> None:
+@pytest.mark.parametrize("method", ["msrd", "airl", "airl_each_cross"])
+def test_restarts_are_played_where_episodes_start_again_and_serve_as_bad_examples(method: str) -> None:
     cloning = CloningConfig(steps=5, noise_levels=(1.0,), restarts=(1.0, 3.0), snapshot_episodes=2)
     config = replace(BASE, cloning=cloning, replay=ReplayConfig(snapshot_share=0.5))
     collector, autoreset = Counting(), Counting()
     with pytest.raises(ValueError, match="pass autoreset"):
-        make(config, point_demonstrations(), collector, 0)
-    trainer = make(config, point_demonstrations(), collector, 0, autoreset=autoreset)
+        find_method(method).start(Problem(config, point_demonstrations(), collector, 0))
+    trainer = find_method(method).start(
+        Problem(config, point_demonstrations(), collector, 0, autoreset=autoreset)
+    )
     trainer.clone()
     assert autoreset.steps == 2 * collector.steps > 0
     assert trainer.environment_steps == collector.steps + autoreset.steps
@@ -149,9 +150,8 @@ def test_forms_train_what_they_use_and_nothing_else(form: RewardForm) -> None:
 def test_baselines_share_budget_and_interface() -> None:
     collector = BatchedCollector(PointMass())
     config = replace(BASE, cloning=CloningConfig(steps=5, snapshots=(0,)))
-    trainers = [
-        make(config, point_demonstrations(), collector, 0) for make in (MSRD, pooled_airl, airl_per_strategy)
-    ]
+    problem = Problem(config, point_demonstrations(), collector, 0)
+    trainers = [find_method(name).start(problem) for name in ("msrd", "airl", "airl_each_cross")]
     for trainer in trainers:
         trainer.clone()
         trainer.iterate()
@@ -190,6 +190,7 @@ def test_msrd_moves_policies_and_tells_strategies_apart() -> None:
     np.testing.assert_allclose(places, [-1.0, 0.0, 1.0], atol=0.3)
 
 
+@pytest.mark.slow
 def test_known_rewards_of_a_grid_world_are_recovered() -> None:
     """Two soft-optimal demonstrators, tables for everything: R0, S_i and pi_i have known answers.
 
@@ -270,7 +271,7 @@ def test_rewards_refitted_on_replay_leave_the_run_as_it_is_and_need_a_past() -> 
         cloning=CloningConfig(steps=5, snapshots=(0,)),
     )
     asked, silent = run(config, clone=True), run(config, clone=True)
-    lasting, again = asked.refit_on_replay(6), asked.refit_on_replay(6)
+    lasting, again = asked.refit_on_replay(RefitConfig(6)), asked.refit_on_replay(RefitConfig(6))
     assert torch.equal(lasting.task_network.flat(), again.task_network.flat())
     assert not torch.equal(lasting.task_network.flat(), asked.rewards.task_network.flat())
     assert not torch.equal(lasting.task_network.flat(), asked.averaged_rewards.task_network.flat())
@@ -279,7 +280,7 @@ def test_rewards_refitted_on_replay_leave_the_run_as_it_is_and_need_a_past() -> 
     assert torch.equal(asked.policies.flat(), silent.policies.flat())
     assert torch.equal(asked.rewards.task_network.flat(), silent.rewards.task_network.flat())
     with pytest.raises(ValueError, match="replay"):
-        run(BASE).refit_on_replay(6)
+        run(BASE).refit_on_replay(RefitConfig(6))
 
 
 def test_rewards_refitted_on_replay_tell_demonstrations_from_what_was_done_long_ago() -> None:
@@ -298,6 +299,6 @@ def test_rewards_refitted_on_replay_tell_demonstrations_from_what_was_done_long_
     )
     margins = [
         float((rewards(demonstrated).combined.mean() - rewards(past).combined.mean()).detach())
-        for rewards in (trainer.averaged_rewards, trainer.refit_on_replay(200))
+        for rewards in (trainer.averaged_rewards, trainer.refit_on_replay(RefitConfig(200)))
     ]
     assert margins[1] > margins[0]

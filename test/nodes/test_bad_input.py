@@ -12,10 +12,12 @@ import pytest
 
 from made_up_policies import made_up_policies, with_columns
 from msrd_ros.bags.writer import write_bag
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.nodes import demonstrator, evaluator, executor, simulator, trainer
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from synthetic_strokes import at_root, stroke_messages, topics_of
+
+pytestmark = pytest.mark.slow
 
 NODES = {
     "simulator": simulator.main,

@@ -9,12 +9,12 @@ import pytest
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import HORIZON, Episode
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from sawyer import ROBOT, SPEED_LIMIT_RAD_S
 from stack import Stack
 
 pytestmark = pytest.mark.processes
@@ -26,7 +26,7 @@ class Listener:
     def __init__(self, stack: Stack) -> None:
         self.episodes: list[Episode] = []
         self.refused: list[UserError] = []
-        self.inputs = PlayedBags(stack.node, self.episodes.append, self.refused.append)
+        self.inputs = PlayedBags(stack.node, ROBOT, self.episodes.append, self.refused.append)
 
 
 def test_live_disk_and_played_strokes_are_the_same_arrays(stack: Stack, tmp_path: Path) -> None:

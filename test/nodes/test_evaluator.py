@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from made_up_policies import made_up_policies
-from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from stack import Stack, one_line
 
 pytestmark = pytest.mark.processes
@@ -40,7 +40,9 @@ def test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named(stack: S
     checkpoint.write_bytes(made_up_policies(LABELS).to_bytes())
     executor = stack.start("executor", checkpoint=checkpoint)
     report = tmp_path / "report.json"
-    parameters = {"labels": LIST, "balls": 2, "seed": 3, "checkpoint": checkpoint, "report": report}
+    unknown = stack.start("evaluator", labels="[my-lob]", balls=1, checkpoint=checkpoint)
+    assert f"no policy for strategy my-lob; the checkpoint has {LABELS[0]}" in one_line(unknown, "evaluator")
+    parameters = {"balls": 2, "seed": 3, "checkpoint": checkpoint, "report": report}
     evaluator = stack.start("evaluator", **parameters)
     assert evaluator.wait(90.0) == 0, evaluator.output
     evaluator.wait_for_line(f"written to {report}")

@@ -16,16 +16,22 @@ from trajectory_msgs.msg import JointTrajectory
 
 from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import bytes_to_message, command_from_message
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, JOINT_NAMES, SPEED_LIMIT_RAD_S
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
 from processes import RunningProcess
+from sawyer import (
+    ACCELERATION_LIMIT_RAD_S2,
+    HOME_POSTURE_RAD,
+    JOINT_COUNT,
+    JOINT_NAMES,
+    ROBOT,
+    SPEED_LIMIT_RAD_S,
+)
 from stack import Stack, one_line
 
 pytestmark = pytest.mark.processes
@@ -89,7 +95,7 @@ class Robot:
             return bool(self.answers) and stamp_to_ns(self.answers[-1].header.stamp) == self.time_ns
 
         self.stack.wait_until(answered, "answer")
-        command = command_from_message(self.answers[-1])
+        command = command_from_message(ROBOT, self.answers[-1])
         assert command.period_s == CONTROL_PERIOD_S
         self.position = command.position
         return command.position, command.velocity, str(command.label or "")
@@ -135,8 +141,8 @@ def expected_stroke(
 ) -> list[np.ndarray]:
     """The commanded positions of one stroke with the ball of `flying`, played in process."""
     pose = policies.facts[label].ready_pose  # type: ignore[index]
-    player = StrokePlayer(pose)
-    player.prepare(policies.play(label, StrokeDraws.of(0, 0)), pose)  # type: ignore[arg-type]
+    player = StrokePlayer(ROBOT, pose)
+    player.prepare(policies.play(label, StrokeDraws.of(0, 0, JOINT_COUNT)), pose)  # type: ignore[arg-type]
     commands = []
     for step in range(-2, HORIZON):
         ball, stamp_ns = flying(max(step, 0)), 10**9 + step * PERIOD_NS
@@ -206,15 +212,18 @@ def test_strategies_that_cannot_be_played_are_refused_and_the_present_one_stays(
     robot: Robot, executor: RunningProcess
 ) -> None:
     label = LABELS[0]
-    robot.ask("forehand-lob")
-    executor.wait_for_line("topic strategy: unknown strategy label 'forehand-lob'; use one of forehand-push")
-    robot.ask(ALL_LABELS[4])
+    robot.ask("Lob!")
+    executor.wait_for_line("topic strategy: 'Lob!' is no strategy label")
+    for unknown in ("my-lob", ALL_LABELS[4]):
+        robot.ask(unknown)
 
-    def refused() -> bool:
-        assert robot.tick()[2] == str(label)
-        return f"no policy for strategy {ALL_LABELS[4]}; the checkpoint has forehand-push" in executor.output
+        def refused(
+            line: str = f"no policy for strategy {unknown}; the checkpoint has forehand-push",
+        ) -> bool:
+            assert robot.tick()[2] == str(label)
+            return line in executor.output
 
-    robot.stack.wait_until(refused, "refusal")
+        robot.stack.wait_until(refused, "refusal")
 
 
 def test_policies_are_exchanged_between_strokes_only(robot: Robot) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import HORIZON
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feeder
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from stack import Stack
 from table_side import SeenTick, TableSide
 

@@ -247,7 +247,7 @@ def tidy() -> Iterator[None]:
     [
         (["bags:=[{root}/nowhere]"], ("nowhere", "does not exist")),
         (["bags:=[{root}/empty]"], ("empty", "holds no bags")),
-        (["bags:=[{root}/some]", "labels:=[forehand-smash]"], ("parameter labels", "unknown strategy label")),
+        (["bags:=[{root}/some]", "labels:=[Smash]"], ("parameter labels", "no strategy label")),
         (["bags:=[{root}/some]", "labels:=[backhand-push]"], ("no bag fits", "forehand-push")),
         (["bags:=[{root}/some]", "rate:=-1.0"], ("parameter rate", "out of range")),
         (["bags:=[{root}/some]", "topics:=[joints]"], ("parameter topics", "NAME:=NAME_IN_BAG")),

@@ -12,14 +12,15 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.contract.outcome import MissReason
 from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import feed_to_message
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, JOINT_NAMES, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 from processes import RunningProcess
+from sawyer import HOME_POSTURE_RAD, JOINT_NAMES, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from stack import Stack
 from table_side import TableSide
 

@@ -12,10 +12,10 @@ import pytest
 
 from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import ACTING_STEPS, Episode
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.table_tennis.simulation.world import WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletPlayers, StrokeBatch
 from processes import RunningProcess

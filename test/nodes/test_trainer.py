@@ -10,8 +10,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import UInt8MultiArray
 
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.nodes.common import EVENT, LATCHED
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from processes import RunningProcess
 from stack import Stack

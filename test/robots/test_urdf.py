@@ -10,22 +10,23 @@ import pybullet
 import pytest
 
 from msrd_ros.robots.dynamics import inverse_dynamics, mass_matrix
-from msrd_ros.robots.kinematics import LINK_NAMES, link_frames, paddle_pose
+from msrd_ros.robots.kinematics import link_frames, paddle_pose
 from msrd_ros.robots.rotations import quaternion_from_rotation
-from msrd_ros.robots.sawyer import (
+from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm
+from sawyer import (
+    ARM,
     JOINT_NAMES,
     POSITION_LOWER_RAD,
     POSITION_UPPER_RAD,
+    ROBOT,
     SPEED_LIMIT_RAD_S,
     TORQUE_LIMIT_NM,
 )
-from msrd_ros.robots.urdf import sawyer_urdf
-from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm
 
 
 @pytest.fixture(scope="module")
 def robot() -> ElementTree.Element:
-    return ElementTree.fromstring(sawyer_urdf())
+    return ElementTree.fromstring(ROBOT.urdf)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def client() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def arm(client: int) -> BulletArm:
-    return BulletArm(client)
+    return BulletArm(client, ROBOT)
 
 
 def test_it_is_one_tree_under_the_world_frame(robot: ElementTree.Element) -> None:
@@ -53,7 +54,7 @@ def test_it_is_one_tree_under_the_world_frame(robot: ElementTree.Element) -> Non
 
 def test_it_needs_no_files_and_defines_its_materials(robot: ElementTree.Element) -> None:
     assert robot.find(".//mesh") is None
-    assert "package://" not in sawyer_urdf()
+    assert "package://" not in ROBOT.urdf
     defined = {material.attrib["name"] for material in robot.findall("material")}
     used = {material.attrib["name"] for material in robot.findall("link/visual/material")}
     assert used <= defined
@@ -75,7 +76,7 @@ def test_mass_scale_scales_every_mass_and_inertia() -> None:
     for tag, key in (("mass", "value"), ("inertia", "ixx")):
         plain, heavy = (
             [float(part.attrib[key]) for part in ElementTree.fromstring(text).iter(tag)]
-            for text in (sawyer_urdf(), sawyer_urdf(1.1))
+            for text in (ROBOT.urdf, ROBOT.standing.text(1.1))
         )
         np.testing.assert_allclose(heavy, np.array(plain) * 1.1, rtol=1e-8)
 
@@ -85,10 +86,10 @@ def test_bullet_puts_links_and_paddle_where_our_kinematics_do(client: int, arm: 
     for _ in range(20):
         joints = rng.uniform(POSITION_LOWER_RAD, POSITION_UPPER_RAD)
         arm.place(joints)
-        origins, rotations = link_frames(joints)
-        poses = dict(zip(LINK_NAMES, zip(origins, rotations, strict=True), strict=True))
-        poses["paddle"] = paddle_pose(joints)
-        joint_of = dict(zip(LINK_NAMES, JOINT_NAMES, strict=True)) | {"paddle": "right_paddle"}
+        origins, rotations = link_frames(ARM, joints)
+        poses = dict(zip(ROBOT.link_names, zip(origins, rotations, strict=True), strict=True))
+        poses["paddle"] = paddle_pose(ARM, joints)
+        joint_of = dict(zip(ROBOT.link_names, JOINT_NAMES, strict=True)) | {"paddle": "paddle_mount"}
         for name, (position, rotation) in poses.items():
             state = pybullet.getLinkState(
                 arm.body, arm.links[joint_of[name]], computeForwardKinematics=1, physicsClientId=client
@@ -106,6 +107,6 @@ def test_bullet_needs_the_torques_that_our_dynamics_say(client: int, arm: Bullet
         torque = pybullet.calculateInverseDynamics(
             arm.body, joints.tolist(), velocity.tolist(), acceleration.tolist(), physicsClientId=client
         )
-        np.testing.assert_allclose(inverse_dynamics(joints, velocity, acceleration), torque, atol=1e-5)
+        np.testing.assert_allclose(inverse_dynamics(ARM, joints, velocity, acceleration), torque, atol=1e-5)
         matrix = pybullet.calculateMassMatrix(arm.body, joints.tolist(), physicsClientId=client)
-        np.testing.assert_allclose(mass_matrix(joints), matrix, atol=1e-6)
+        np.testing.assert_allclose(mass_matrix(ARM, joints), matrix, atol=1e-6)

@@ -23,13 +23,16 @@ from msrd_ros.studies.inverted_pendulum.environment import has_fallen, task_rewa
 from msrd_ros.studies.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.studies.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.studies.reproduce import STUDIES, main
-from msrd_ros.studies.shared.cache import cached
+from msrd_ros.studies.shared.cache import cached, code_digest
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import correlation, evaluate, make_test_set, normalised
 from msrd_ros.studies.shared.frozen_rewards import frozen_rewards, pessimistic
-from msrd_ros.studies.shared.methods import Budget, Method, restore, train
+from msrd_ros.studies.shared.method import Budget, Exercise, restore
+from msrd_ros.studies.shared.methods import METHODS
 from msrd_ros.studies.shared.statistics import diagonal_test, paired_test
 from quick_studies import play, written_by_virtual_study
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +70,13 @@ def test_second_run_takes_up_the_first_and_gives_the_same_numbers(quick: tuple[P
     assert seconds < 0.7 * quick[1]
 
 
-@pytest.mark.parametrize("method", [Method.MSRD, Method.AIRL, Method.CLASSIFIER])
-def test_same_seed_same_numbers(method: Method) -> None:
+@pytest.mark.parametrize("method", ["msrd", "airl", "classifier"])
+def test_same_seed_same_numbers(method: str) -> None:
     data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
     budget = Budget(iterations=2, episodes=1, horizon=200, cloning_steps=20, classifier_steps=20)
-    first, again, other = (train(PENDULUM, method, data, budget, seed).tensors() for seed in (3, 3, 4))
+    first, again, other = (
+        METHODS[method].train(Exercise(PENDULUM, data, budget, seed)).tensors() for seed in (3, 3, 4)
+    )
     names = [name for name in first if name.endswith("weights.0")]
     assert names
     for name in set(first) - {"cost"}:
@@ -83,7 +88,7 @@ def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     budget = Budget(iterations=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
     plan = replace(StudyPlan.quick(), budget=budget, demonstrations=2)
-    methods = (Method.MSRD, Method.CLASSIFIER)
+    methods = ("msrd", "classifier")
     found = []
     for workers in (0, 2):
         folder = tmp_path / str(workers)
@@ -99,14 +104,14 @@ def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest
 def test_an_ensemble_says_the_mean_of_its_members() -> None:
     data = cached_demonstrators(Kind.DIAYN).demonstrate(2, seed=9)
     budget = Budget(iterations=1, horizon=100, cloning_steps=10, members=3)
-    estimate = train(PENDULUM, Method.MSRD, data, budget, 5)
+    estimate = METHODS["msrd"].train(Exercise(PENDULUM, data, budget, 5))
     states = torch.as_tensor(data.observations[:, 0, ::25]).reshape(-1, 4)
     assert len(estimate.members) == 3
     assert sum(member.environment_steps for member in estimate.members) == estimate.environment_steps
     for name in ("task", "strategies", "combined"):
         mean = torch.stack([getattr(member, name)(states) for member in estimate.members]).mean(dim=0)
         torch.testing.assert_close(getattr(estimate, name)(states), mean)
-    alone = train(PENDULUM, Method.MSRD, data, replace(budget, members=1), 5)
+    alone = METHODS["msrd"].train(Exercise(PENDULUM, data, replace(budget, members=1), 5))
     assert alone.members == ()
     one, first = alone.task, estimate.members[0].task
     assert one
@@ -262,13 +267,14 @@ def test_pessimism_costs_what_the_runs_disagree_about() -> None:
     assert torch.equal(pessimistic([other])(states), other(states))
 
 
-@pytest.mark.parametrize("method", list(Method))
-def test_a_kept_run_says_the_same_as_the_run_itself(method: Method) -> None:
+@pytest.mark.parametrize("method", list(METHODS))
+def test_a_kept_run_says_the_same_as_the_run_itself(method: str) -> None:
     demonstrators = cached_demonstrators(Kind.DIAYN)
     data = demonstrators.demonstrate(2, seed=9)
     budget = Budget(iterations=1, horizon=100, cloning_steps=10, classifier_steps=10)
-    estimate = train(PENDULUM, method, data, budget, 5, truth=demonstrators.truth)
-    again = restore(PENDULUM, estimate.tensors(), method, data, budget)
+    exercise = Exercise(PENDULUM, data, budget, 5, truth=demonstrators.truth)
+    estimate = METHODS[method].train(exercise)
+    again = restore(METHODS[method], exercise, estimate.tensors())
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
     compared = 0
     for name in ("task", "strategies", "combined"):
@@ -292,17 +298,29 @@ def test_a_result_is_made_once(tmp_path: Path) -> None:
     assert len(calls) == 1
 
 
+def test_other_code_is_another_key_and_another_report_is_not(tmp_path: Path) -> None:
+    for name in ("learning/msrd.py", "studies/hopper/report.py", "nodes/trainer.py"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_text("before = 1\n")
+    digests = [code_digest.__wrapped__(tmp_path)]
+    for name in ("studies/hopper/report.py", "nodes/trainer.py", "learning/msrd.py"):
+        (tmp_path / name).write_text("after = 2\n")
+        digests.append(code_digest.__wrapped__(tmp_path))
+    assert digests[0] == digests[1] == digests[2] != digests[3]
+
+
 @pytest.mark.parametrize(
     "method",
-    [Method.MSRD, Method.AIRL, Method.AIRL_EACH, Method.CLASSIFIER, Method.ORACLE, Method.SUPERVISED],
+    ["msrd", "airl", "airl_each", "classifier", "oracle", "supervised"],
 )
-def test_rewards_row_by_row_are_the_own_rows_of_the_table(method: Method) -> None:
+def test_rewards_row_by_row_are_the_own_rows_of_the_table(method: str) -> None:
     demonstrators = cached_demonstrators(Kind.DIAYN)
     data = demonstrators.demonstrate(2, seed=9)
     budget = Budget(iterations=1, horizon=100, cloning_steps=10, classifier_steps=10, members=2)
-    estimate = train(PENDULUM, method, data, budget, 5, truth=demonstrators.truth)
+    exercise = Exercise(PENDULUM, data, budget, 5, truth=demonstrators.truth)
+    estimate = METHODS[method].train(exercise)
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
-    assert estimate.strategies is not None or method is Method.AIRL
+    assert estimate.strategies is not None or method == "airl"
     for name, rewards in frozen_rewards(estimate).items():
         own = rewards(states)
         assert own.shape == states.shape[:2], name

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from msrd_ros.learning.environment import GymCollector, GymEnvironment
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.reinforcement import PolicyTraining
@@ -76,13 +77,10 @@ def train_landers(seed: int) -> GaussianPolicies:
         EPISODES,
         TrustRegionConfig(kl=0.02, damping=0.05, entropy_weight=0.003),
         ValueConfig(steps=60, sees_time=False, bootstrap=True),
-        discount=0.99,
-        gae_decay=0.97,
         seed=seed,
     )
     best, parameters = torch.full((2,), -torch.inf), policies.flat()
-    for update in range(1, UPDATES + 1):
-        training.iterate()
+    for update, _ in iterations(training, UPDATES):
         if update % CANDIDATE_EVERY == 0:
             played = GymCollector(environment).collect(policies, 10, np.random.default_rng([seed, 1]), True)
             score = LandingReward().reward(played, policies).sum(dim=-1).mean(dim=-1)

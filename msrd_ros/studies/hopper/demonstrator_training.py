@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from itertools import product
@@ -14,6 +13,7 @@ from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.diayn import DiaynReward
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.kl_encouraged import KLEncouragedReward
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.reinforcement import PolicyTraining, RewardSource
@@ -40,6 +40,7 @@ from msrd_ros.studies.hopper.demonstrators import (
     trained_policies,
 )
 from msrd_ros.studies.hopper.environment import Hopper, is_healthy, mean_speed
+from msrd_ros.studies.shared.demonstrator_files import remake
 from msrd_ros.studies.shared.divergence_truth import DivergenceTruth
 from msrd_ros.studies.shared.posterior_truth import PosteriorTruth
 
@@ -200,16 +201,13 @@ def _train(
         1,
         TrustRegionConfig(kl=recipe.kl, fisher_fraction=0.3),
         ValueConfig(hidden=(64, 64), steps=40, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
         recipe.seed,
     )
     snapshots: list[Tensor] = []
     done = 0
-    for iterations, episodes, steps in recipe.stages:
+    for count, episodes, steps in recipe.stages:
         training.collector, training.episodes = BatchedCollector(Hopper(steps, autoreset=autoreset)), episodes
-        for _ in range(iterations):
-            metrics = training.iterate()
+        for _, metrics in iterations(training, count):
             done += 1
             if done % 20 == 0:
                 progress(f"demonstrators: iteration {done}, reward {metrics['reward']:.2f}")
@@ -220,11 +218,12 @@ def _train(
 
 def main() -> None:
     """Make the cached files again from the recipes in their headers: all, or those named."""
-    torch.set_num_threads(1)
-    for pair in sys.argv[1:] or [*PAIRS, KL_ENCOURAGED_PAIR, TUNING_PAIR]:
-        made = make_demonstrators(cached_demonstrators(pair).recipe, lambda line: print(line, flush=True))
-        print(json.dumps(made.report), flush=True)
-        save_demonstrators(pair_path(pair), made)
+    remake(
+        sys.argv[1:] or [*PAIRS, KL_ENCOURAGED_PAIR, TUNING_PAIR],
+        cached_demonstrators,
+        make_demonstrators,
+        lambda pair, made: save_demonstrators(pair_path(pair), made),
+    )
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ def make_gait_test_set(
 def judge(estimate: Estimate, test: GaitTestSet) -> dict[str, Any]:
     """All marks of an estimate by name; None where the method makes no such claim.
 
-    Beside those of `virtual_studies.evaluation.Scores` and what the run took: ``task_r_spearman`` (all noisy
+    Beside those of `shared.evaluation.Scores` and what the run took: ``task_r_spearman`` (all noisy
     trajectories), ``task_r_each`` (per strategy), ``task_r_unseen`` and ``task_r_unseen_spearman`` (gaits
     that nobody demonstrated), ``strategy_r`` (noisy trajectories of both strategies), ``strategy_r_own`` (of
     the strategy itself, the paper's), ``strategy_r_clean`` (of both, without noise),

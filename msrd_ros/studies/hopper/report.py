@@ -13,7 +13,7 @@ from msrd_ros.studies.hopper.figures import strategy_strips
 from msrd_ros.studies.hopper.study import TASK_MARKS, StudyPlan
 from msrd_ros.studies.shared import figures
 from msrd_ros.studies.shared import report as sections
-from msrd_ros.studies.shared.methods import Method
+from msrd_ros.studies.shared.methods import METHODS
 
 COLUMNS = (
     ("task_r", "task r, normalised per strategy"),
@@ -101,7 +101,7 @@ def _pairs_table(report: Report, metrics: dict[str, Any]) -> None:
 def _task_table(report: Report, methods: dict[str, Any]) -> None:
     rows = []
     for name, scores in methods.items():
-        row = [sections.NAMES[name], *(sections.spread(scores[column]) for column, _ in COLUMNS)]
+        row = [METHODS[name].title, *(sections.spread(scores[column]) for column, _ in COLUMNS)]
         row += [f"{np.mean(scores['seconds']):.0f}", f"{np.mean(scores['env_steps']) / 1e6:.2f}"]
         rows.append(row)
     report.table(["method", *(title for _, title in COLUMNS), "seconds", "million steps"], rows)
@@ -113,7 +113,7 @@ def _strategy_table(report: Report, methods: dict[str, Any]) -> None:
         if scores["strategy_r"][0] is None:
             continue
         cells = [_pairs(scores[mark]) for mark, _ in STRATEGY_COLUMNS]
-        rows.append([sections.NAMES[name], *cells, f"{np.mean(scores['diagonal']):.1f} of 2"])
+        rows.append([METHODS[name].title, *cells, f"{np.mean(scores['diagonal']):.1f} of 2"])
     report.table(["method", *(title for _, title in STRATEGY_COLUMNS), "diagonal"], rows)
 
 
@@ -141,8 +141,7 @@ def _draw(report: Report, plan: StudyPlan, folder: Path) -> None:
     report.heading("Figures")
     test = runs.test_set(0)
     estimates = {
-        sections.NAMES[method]: runs.estimate(method, 0)
-        for method in (Method.MSRD, Method.MSRD_AS_PRINTED, Method.AIRL)
+        METHODS[method].title: runs.estimate(method, 0) for method in ("msrd", "msrd_as_printed", "airl")
     }
     report.figure(
         figures.correlation_figure(estimates, test),
@@ -150,7 +149,7 @@ def _draw(report: Report, plan: StudyPlan, folder: Path) -> None:
         "[0, 1]; first pair, first seed.",
     )
     report.figure(
-        strategy_strips(runs.estimate(Method.MSRD, 0), test.clean),
+        strategy_strips(runs.estimate("msrd", 0), test.clean),
         "Both strategy rewards of MSRD along a hop and along a crawl, smoothed over 0.2 s, under film strips "
         "of the demonstrators; first pair, first seed.",
     )

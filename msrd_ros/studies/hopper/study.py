@@ -1,4 +1,4 @@
-"""The Hopper study from start to end, resumable; see `virtual_studies.runs` for the seeds.
+"""The Hopper study from start to end, resumable; see `shared.runs` for the seeds.
 
 Everything was tuned on other pairs of demonstrators, which are not evaluated, and on seeds from 9000 on.
 """
@@ -25,59 +25,47 @@ from msrd_ros.studies.hopper.evaluation import GaitTestSet, judge, make_gait_tes
 from msrd_ros.studies.hopper.task import HOPPER
 from msrd_ros.studies.hopper.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.shared.cache import cache_key, cached
-from msrd_ros.studies.shared.methods import Budget, Method
-from msrd_ros.studies.shared.runs import TEST_SEED, Runs, append_marks, silent
-from msrd_ros.studies.shared.statistics import paired_test
+from msrd_ros.studies.shared.method import Budget, silent
+from msrd_ros.studies.shared.methods import METHODS
+from msrd_ros.studies.shared.runs import TEST_SEED, Runs, SharedPlan, append_marks
+from msrd_ros.studies.shared.statistics import RIVALS, paired_test
 
-RIVALS = ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier")
 OTHER_TRUTH_METHODS = (
-    Method.MSRD,
-    Method.AIRL,
-    Method.AIRL_EACH,
-    Method.AIRL_EACH_CROSS,
-    Method.CLASSIFIER,
-    Method.ORACLE,
-    Method.SUPERVISED,
+    "msrd",
+    "airl",
+    "airl_each",
+    "airl_each_cross",
+    "classifier",
+    "oracle",
+    "supervised",
 )
 TASK_MARKS = ("task_r", "task_r_pooled", "task_r_spearman", "task_r_unseen")
 
 
 @dataclass(frozen=True)
-class StudyPlan:
-    """What to run.
+class StudyPlan(SharedPlan):
+    """What to run; seeds are repetitions with each pair of demonstrators.
 
     Attributes
     ----------
-    seeds
-        Repetitions with each pair of demonstrators.
     pairs
         Independently trained pairs.
     other_pairs
         Pairs whose truth comes from elsewhere: marked as well, by themselves.
-    budget
-        What each method may use.
-    demonstrations
-        Trajectories of each strategy.
-    test_repeats, test_clean, test_unseen
-        Test trajectories per strategy and noise level, without noise, and per gait nobody demonstrated.
+    test_unseen
+        Test trajectories per gait nobody demonstrated.
     transfer, transfer_pairs
         Fresh policies on frozen rewards, with the first repetition of the first pairs; None leaves them out.
-    workers
-        Processes that train.
     """
 
-    seeds: int = 5
     pairs: tuple[str, ...] = PAIRS
     other_pairs: tuple[str, ...] = (KL_ENCOURAGED_PAIR,)
     # One run in nine has a task r of .72 on the hardest tuning pair, the others .93 and .96; their mean .96.
     budget: Budget = field(default_factory=lambda: Budget(iterations=30, episodes=2, horizon=500, members=3))
     demonstrations: int = 10
-    test_repeats: int = 2
-    test_clean: int = 5
     test_unseen: int = 1
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
     transfer_pairs: int = 4
-    workers: int = 2
 
     @classmethod
     def quick(cls) -> StudyPlan:
@@ -96,18 +84,7 @@ class StudyPlan:
 
     def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
         """The runs on one pair, kept in `folder`."""
-        return Runs(
-            HOPPER,
-            cached_demonstrators(pair),
-            pair,
-            self.budget,
-            self.demonstrations,
-            self.test_repeats,
-            self.test_clean,
-            folder,
-            progress,
-            self.workers,
-        )
+        return Runs(HOPPER, cached_demonstrators(pair), pair, self, folder, progress)
 
     def test_set(self, pair: str, repetition: int) -> GaitTestSet:
         """The test trajectories of a repetition, the same for every method."""
@@ -126,7 +103,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
     """
-    found = _compare(plan, plan.pairs, tuple(Method), folder, progress)
+    found = _compare(plan, plan.pairs, tuple(METHODS), folder, progress)
     transfer = {}
     if plan.transfer is not None:
         for number, pair in enumerate(plan.pairs[: plan.transfer_pairs]):
@@ -147,7 +124,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
 def _compare(
     plan: StudyPlan,
     pairs: Sequence[str],
-    methods: Sequence[Method],
+    methods: Sequence[str],
     folder: Path,
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -169,7 +146,7 @@ def _compare(
 
 def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
-    msrd, airl = Method.MSRD, Method.AIRL
+    msrd, airl = "msrd", "airl"
     key = cache_key(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])
 
     def train() -> dict[str, Any]:

@@ -22,7 +22,6 @@ from msrd_ros.studies.hopper.environment import (
     task_reward,
 )
 from msrd_ros.studies.hopper.presets import hopper
-from msrd_ros.studies.shared.methods import Method
 from msrd_ros.studies.shared.task import VirtualTask
 
 NOISE_LEVELS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
@@ -78,17 +77,17 @@ def as_printed_preset() -> MSRDConfig:
 
 
 HOPPER = VirtualTask(
-    "hopper",
-    len(OBSERVATION_NAMES),
-    len(ACTION_NAMES),
-    hopper_features(),
-    preset,
-    make_collector,
-    EPISODE_STEPS,
-    task_reward,
-    has_fallen,
-    NOISE_LEVELS,
-    OBSERVATION_NAMES.index("torso_z"),
-    make_autoreset,
-    {Method.AIRL.value: airl_preset, Method.MSRD_AS_PRINTED.value: as_printed_preset},
+    name="hopper",
+    observation_width=len(OBSERVATION_NAMES),
+    action_width=len(ACTION_NAMES),
+    features=hopper_features(),
+    preset=preset,
+    make_collector=make_collector,
+    horizon=EPISODE_STEPS,
+    task_reward=task_reward,
+    has_fallen=has_fallen,
+    noise_levels=NOISE_LEVELS,
+    identifying_feature=OBSERVATION_NAMES.index("torso_z"),
+    make_autoreset=make_autoreset,
+    own_presets={"airl": airl_preset, "msrd_as_printed": as_printed_preset},
 )

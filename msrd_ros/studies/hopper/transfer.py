@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
-from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.harness import iterations
+from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining
 from msrd_ros.learning.replay import DemonstrationPool
-from msrd_ros.learning.trajectories import Demonstrations, Rollouts
+from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 from msrd_ros.studies.hopper.demonstrators import Demonstrators, gait_policies, hopper_features
@@ -22,7 +22,7 @@ from msrd_ros.studies.hopper.environment import HopperBody, is_healthy, mean_spe
 from msrd_ros.studies.hopper.task import make_collector, preset
 from msrd_ros.studies.shared.estimates import Estimate, Rewards
 from msrd_ros.studies.shared.evaluation import table_over
-from msrd_ros.studies.shared.frozen_rewards import pessimistic
+from msrd_ros.studies.shared.frozen_rewards import FrozenReward, one_each, pessimistic
 
 CHANGED = HopperBody(mass=1.2, friction=0.5)
 
@@ -98,36 +98,21 @@ def _pessimistic_task(estimate: Estimate) -> Rewards:
     return pessimistic([run.task for run in _runs_of(estimate) if run.task])
 
 
-class _OneEach:
-    """Frozen rewards, one for each policy."""
-
-    def __init__(self, rewards: list[Rewards]) -> None:
-        self._rewards = rewards
-
-    def reward(self, rollouts: Rollouts, policies: Policies) -> Tensor:
-        """Policy i judged by reward i, ``[S, K, T]``."""
-        states = torch.as_tensor(rollouts.observations[:, :, 1:])
-        rows = zip(self._rewards, states, strict=True)
-        return torch.stack([reward(row.flatten(0, 1)).reshape(row.shape[:2]) for reward, row in rows])
-
-
 def _train(plan: TransferPlan, functions: list[Rewards]) -> GaussianPolicies:
     """One policy per reward, side by side."""
     policies = gait_policies(len(functions), torch.Generator().manual_seed(plan.seed), 0.6)
     training = PolicyTraining(
         policies,
         hopper_features(),
-        _OneEach(functions),
+        FrozenReward(one_each(functions)),
         make_collector(plan.horizon, body=CHANGED),
         plan.episodes,
         TrustRegionConfig(kl=0.02, fisher_fraction=0.3),
         ValueConfig(hidden=(64, 64), steps=40, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
         plan.seed,
     )
-    for _ in range(plan.iterations):
-        training.iterate()
+    for _ in iterations(training, plan.iterations):
+        pass
     return policies
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.reinforcement import PolicyTraining
 from msrd_ros.studies.inverted_pendulum.dynamics import PendulumBody
 from msrd_ros.studies.inverted_pendulum.rollouts import PendulumCollector
@@ -49,8 +50,7 @@ def train_in_stages(
     for stage in stages:
         training.collector = PendulumCollector(stage.horizon, body)
         training.episodes = stage.episodes
-        for done in range(1, stage.iterations + 1):
-            metrics = training.iterate()
+        for done, metrics in iterations(training, stage.iterations):
             if done % 20 == 0 or done == stage.iterations:
                 which = f"{done} of {stage.iterations} updates on {stage.horizon} steps"
                 progress(f"{which}, reward {metrics['reward']:.3f}")

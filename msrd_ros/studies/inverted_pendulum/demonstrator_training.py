@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable
@@ -14,6 +13,7 @@ import torch
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.diayn import DiaynReward
+from msrd_ros.learning.harness import iterations
 from msrd_ros.learning.kl_encouraged import KLEncouragedReward
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.reinforcement import PolicyTraining, RewardSource
@@ -39,6 +39,7 @@ from msrd_ros.studies.inverted_pendulum.truths import (
     extrinsic,
     pendulum_features,
 )
+from msrd_ros.studies.shared.demonstrator_files import remake
 from msrd_ros.studies.shared.divergence_truth import DivergenceTruth
 from msrd_ros.studies.shared.posterior_truth import PosteriorTruth
 from msrd_ros.studies.shared.task import StrategyTruth
@@ -114,8 +115,8 @@ def _balancing_policies(recipe: Recipe, generator: torch.Generator) -> GaussianP
         return policies
     policy = fresh_policies(1, torch.Generator().manual_seed(recipe.seed + 10))
     training = _training(policy, _in_the_middle(1, 0.4), 4 * recipe.episodes, recipe)
-    for _ in range(recipe.start_iterations):
-        training.iterate()
+    for _ in iterations(training, recipe.start_iterations):
+        pass
     return policy
 
 
@@ -140,8 +141,6 @@ def _training(
         episodes,
         TrustRegionConfig(kl=recipe.kl),
         ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
         recipe.seed,
     )
 
@@ -204,11 +203,12 @@ def _subset(policies: GaussianPolicies, kept: tuple[int, ...]) -> GaussianPolici
 
 def main() -> None:
     """Make the cached files again from the recipes in their headers: all, or those named."""
-    torch.set_num_threads(1)
-    for kind in map(Kind, sys.argv[1:] or Kind):
-        made = make_demonstrators(cached_demonstrators(kind).recipe, lambda line: print(line, flush=True))
-        print(json.dumps(made.report), flush=True)
-        save_demonstrators(cached_path(kind), made)
+    remake(
+        sys.argv[1:] or list(Kind),
+        lambda kind: cached_demonstrators(Kind(kind)),
+        make_demonstrators,
+        lambda kind, made: save_demonstrators(cached_path(Kind(kind)), made),
+    )
 
 
 if __name__ == "__main__":

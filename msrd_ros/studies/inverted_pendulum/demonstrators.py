@@ -147,7 +147,9 @@ def load_demonstrators(path: Path) -> Demonstrators:
 def _restored(
     kept_recipe: dict[str, Any], report: dict[str, Any], tensors: dict[str, Tensor]
 ) -> Demonstrators:
-    recipe = Recipe(**{**kept_recipe, "kind": Kind(kept_recipe["kind"])})
+    # Up to 0.1.0 iterations were called sweeps.
+    settings = {name.replace("sweeps", "iterations"): value for name, value in kept_recipe.items()}
+    recipe = Recipe(**{**settings, "kind": Kind(settings["kind"])})
     return Demonstrators(recipe, _policies(tensors["policies"]), _truth(recipe, report, tensors), report)
 
 

@@ -11,7 +11,7 @@ from msrd_ros.reports.page import Report
 from msrd_ros.studies.inverted_pendulum.figures import reward_curves, settled_places
 from msrd_ros.studies.inverted_pendulum.study import StudyPlan
 from msrd_ros.studies.shared import report as sections
-from msrd_ros.studies.shared.methods import Method
+from msrd_ros.studies.shared.methods import METHODS
 
 PAPER = {
     "msrd_as_printed": ("0.998", "0.779", "16 of 20"),
@@ -43,7 +43,7 @@ def _draw(report: Report, metrics: dict[str, Any], plan: StudyPlan, folder: Path
     sections.correlation_scatter(report, runs)
     sections.strategy_bars(report, metrics["methods"])
     report.figure(
-        reward_curves(runs.estimate(Method.MSRD, 0), runs.test_set(0)),
+        reward_curves(runs.estimate("msrd", 0), runs.test_set(0)),
         "Rewards over the pole's angle, everything else at zero, and what the demonstrators do (Figure 4): "
         "the two strategies whose reward leans furthest to either side are drawn dark.",
     )
@@ -68,7 +68,7 @@ def _transfer(report: Report, transfer: dict[str, Any]) -> None:
                 style = float(np.mean(marks["style_distance_m"]))
                 liking = float(np.mean(marks["true_preference"]))
                 row = [
-                    sections.NAMES.get(method, method),
+                    METHODS[method].title if method in METHODS else method,
                     reward,
                     f"{cells[0]:.3f}",
                     f"{100 * cells[1]:.0f} %",

@@ -1,4 +1,4 @@
-"""The inverted pendulum study from start to end, resumable; see `virtual_studies.runs` for the seeds."""
+"""The inverted pendulum study from start to end, resumable; see `shared.runs` for the seeds."""
 
 from __future__ import annotations
 
@@ -25,22 +25,23 @@ from msrd_ros.studies.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.studies.inverted_pendulum.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
 from msrd_ros.studies.shared.cache import cache_key, cached
-from msrd_ros.studies.shared.methods import Budget, Method
-from msrd_ros.studies.shared.runs import Runs, silent
+from msrd_ros.studies.shared.method import Budget, silent
+from msrd_ros.studies.shared.methods import METHODS
+from msrd_ros.studies.shared.runs import Runs, SharedPlan
 from msrd_ros.studies.shared.task import VirtualTask
 
 NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
 """Probabilities of replacing an action by a random one; beyond them every trajectory is the same fall."""
 
 NON_CIRCULAR_METHODS = (
-    Method.MSRD,
-    Method.MSRD_AS_PRINTED,
-    Method.AIRL,
-    Method.AIRL_EACH,
-    Method.AIRL_EACH_CROSS,
-    Method.CLASSIFIER,
-    Method.ORACLE,
-    Method.SUPERVISED,
+    "msrd",
+    "msrd_as_printed",
+    "airl",
+    "airl_each",
+    "airl_each_cross",
+    "classifier",
+    "oracle",
+    "supervised",
 )
 
 
@@ -63,44 +64,29 @@ PENDULUM = VirtualTask(
     has_fallen=has_fallen,
     noise_levels=NOISE_LEVELS,
     identifying_feature=OBSERVATION_NAMES.index("cart_position"),
-    own_presets=dict.fromkeys((Method.MSRD_AS_PRINTED, Method.AIRL_EACH), inverted_pendulum_as_printed),
+    own_presets=dict.fromkeys(("msrd_as_printed", "airl_each"), inverted_pendulum_as_printed),
 )
 
 
 @dataclass(frozen=True)
-class StudyPlan:
-    """What to run.
+class StudyPlan(SharedPlan):
+    """What to run; seeds are repetitions of the main table.
 
     Attributes
     ----------
-    seeds
-        Repetitions of the main table.
     other_truth_seeds
         Repetitions with the other demonstrators.
-    budget
-        What each method may use.
-    demonstrations
-        Trajectories of each strategy.
-    test_repeats, test_clean
-        Test trajectories per strategy and noise level, and without noise.
     transfer
         Fresh policies on frozen rewards; None leaves them out.
     kinds
         Demonstrators to study; the first gives the main table.
-    workers
-        Processes that train.
     """
 
-    seeds: int = 5
     other_truth_seeds: int = 5
     # One run in ten has a task r of .996 or less, whatever the demonstrations; the mean of three has not.
     budget: Budget = field(default_factory=lambda: Budget(iterations=80, members=3))
-    demonstrations: int = 20
-    test_repeats: int = 2
-    test_clean: int = 5
     transfer: TransferPlan | None = field(default_factory=TransferPlan)
     kinds: tuple[Kind, ...] = (Kind.DIAYN, Kind.KNOWN_PREFERENCE, Kind.KL_ENCOURAGED)
-    workers: int = 2
 
     @classmethod
     def quick(cls) -> StudyPlan:
@@ -119,18 +105,7 @@ class StudyPlan:
 
     def runs(self, kind: Kind, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
         """The runs on one set of demonstrators, kept in `folder`."""
-        return Runs(
-            PENDULUM,
-            cached_demonstrators(kind),
-            kind.value,
-            self.budget,
-            self.demonstrations,
-            self.test_repeats,
-            self.test_clean,
-            folder,
-            progress,
-            self.workers,
-        )
+        return Runs(PENDULUM, cached_demonstrators(kind), kind.value, self, folder, progress)
 
 
 def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:
@@ -142,7 +117,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
         Where runs are kept, so that an interrupted study goes on where it was.
     """
     main, *others = plan.kinds
-    found = plan.runs(main, folder, progress).compare(tuple(Method), plan.seeds)
+    found = plan.runs(main, folder, progress).compare(tuple(METHODS), plan.seeds)
     other_truths = {
         kind.value: plan.runs(kind, folder, progress).compare(NON_CIRCULAR_METHODS, plan.other_truth_seeds)
         for kind in others
@@ -164,7 +139,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
 
 def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
-    methods = (Method.MSRD, Method.AIRL_EACH_CROSS, Method.CLASSIFIER)
+    methods = ("msrd", "airl_each_cross", "classifier")
     key = cache_key("transfer", asdict(plan), [runs.settings(method) for method in methods])
 
     def train() -> dict[str, Any]:

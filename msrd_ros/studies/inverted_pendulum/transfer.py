@@ -23,7 +23,6 @@ from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
 from msrd_ros.studies.shared.estimates import Estimate, Rewards, by_row
 from msrd_ros.studies.shared.evaluation import table_over
 from msrd_ros.studies.shared.frozen_rewards import FrozenReward, frozen_rewards
-from msrd_ros.studies.shared.methods import Method
 from msrd_ros.studies.shared.task import Demonstrators
 
 BODIES = {
@@ -58,7 +57,7 @@ class TransferPlan:
 def run_transfer(
     plan: TransferPlan,
     demonstrators: Demonstrators,
-    estimates: dict[Method, Estimate],
+    estimates: dict[str, Estimate],
     progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Train on every reward under every body; marks by body, method and reward, then per strategy."""
@@ -80,7 +79,7 @@ def run_transfer(
             for reward, function in frozen_rewards(estimate).items():
                 progress(f"transfer, {name}: fresh policies on {method}'s {reward}")
                 rows[reward] = _train(plan, demonstrators, body, function)
-            table[method.value] = rows
+            table[method] = rows
         results[name] = table
     return results
 
@@ -98,8 +97,6 @@ def _train(
         plan.stages[0].episodes,
         TrustRegionConfig(kl=0.03),
         ValueConfig(hidden=(32, 32), steps=10, sees_time=False, bootstrap=True),
-        0.99,
-        0.97,
         plan.seed,
     )
     train_in_stages(training, plan.stages, body)

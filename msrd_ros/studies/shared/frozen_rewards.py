@@ -31,6 +31,15 @@ class FrozenReward:
         return rewards
 
 
+def one_each(rewards: Sequence[Rewards]) -> Rewards:
+    """Row i judged by reward i, which sees ``[N, O]``."""
+
+    def each(states: Tensor) -> Tensor:
+        return torch.stack([reward(row) for reward, row in zip(rewards, states, strict=True)])
+
+    return each
+
+
 def pessimistic(rewards: Sequence[Rewards]) -> Rewards:
     """Mean less one standard deviation of what several runs inferred.
 

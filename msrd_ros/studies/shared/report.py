@@ -8,20 +8,9 @@ import numpy as np
 
 from msrd_ros.reports.page import Report
 from msrd_ros.studies.shared import figures
-from msrd_ros.studies.shared.methods import Method
+from msrd_ros.studies.shared.methods import METHODS
 from msrd_ros.studies.shared.runs import Runs
 
-NAMES = {
-    "msrd": "MSRD with cross-negatives",
-    "msrd_as_printed": "MSRD as printed",
-    "vanilla_distillation": "vanilla distillation, same terms",
-    "airl": "AIRL on all demonstrations",
-    "airl_each": "AIRL per strategy",
-    "airl_each_cross": "AIRL per strategy, same terms",
-    "classifier": "softmax classifier, no inverse RL",
-    "oracle": "oracle: distance to where the strategy settles",
-    "supervised": "regression on the truth of all demonstrated states",
-}
 COLUMNS = (
     ("task_r", "task r, normalised per strategy"),
     ("task_r_pooled", "task r, raw"),
@@ -55,7 +44,7 @@ def score_table(report: Report, methods: dict[str, dict[str, list[Any]]]) -> Non
     """One row per method, in the order of `COLUMNS`, then seconds and environment steps."""
     rows = []
     for name, scores in methods.items():
-        row = [NAMES[name], *(spread(scores[column]) for column, _ in COLUMNS)]
+        row = [METHODS[name].title, *(spread(scores[column]) for column, _ in COLUMNS)]
         row.append(f"{np.mean(scores['seconds']):.0f}")
         row.append(f"{np.mean(scores['env_steps']) / 1e6:.1f}")
         rows.append(row)
@@ -79,7 +68,7 @@ def main_table(report: Report, metrics: dict[str, Any], paper: dict[str, tuple[s
     )
     report.paragraph(READING)
     score_table(report, metrics["methods"])
-    rows = [[NAMES[name], *values] for name, values in paper.items()]
+    rows = [[METHODS[name].title, *values] for name, values in paper.items()]
     report.table(["the paper", "task r, normalised", "strategy r", "diagonal"], rows)
 
 
@@ -103,7 +92,7 @@ def tests_table(report: Report, tests: dict[str, Any]) -> None:
 
 def correlation_scatter(report: Report, runs: Runs) -> None:
     """The paper's Figure 2, of the first repetition."""
-    estimates = {NAMES[method]: runs.estimate(method, 0) for method in (Method.MSRD, Method.AIRL)}
+    estimates = {METHODS[method].title: runs.estimate(method, 0) for method in ("msrd", "airl")}
     report.figure(
         figures.correlation_figure(estimates, runs.test_set(0)),
         "Estimated against true task reward over noise-injected trajectories, each strategy scaled to [0, 1] "
@@ -114,7 +103,7 @@ def correlation_scatter(report: Report, runs: Runs) -> None:
 def strategy_bars(report: Report, methods: dict[str, dict[str, list[Any]]]) -> None:
     """The paper's Figure 3."""
     shown = ("msrd", "msrd_as_printed", "airl_each", "classifier")
-    means = {NAMES[name]: np.mean(methods[name]["strategy_r"], axis=0).tolist() for name in shown}
+    means = {METHODS[name].title: np.mean(methods[name]["strategy_r"], axis=0).tolist() for name in shown}
     report.figure(
         figures.strategy_bars(means),
         "Correlation of each strategy-only reward with the demonstrator's true preference (Figure 3); mean "
@@ -126,7 +115,7 @@ def strategy_heatmap(report: Report, methods: dict[str, dict[str, list[Any]]]) -
     """The paper's Figure 5, of the first repetition."""
     shown = ("msrd", "msrd_as_printed")
     report.figure(
-        figures.heatmap({NAMES[name]: np.array(methods[name]["matrix"][0]) for name in shown}),
+        figures.heatmap({METHODS[name].title: np.array(methods[name]["matrix"][0]) for name in shown}),
         "Strategy rewards (rows, scaled to [0, 1]) on every strategy's trajectories (Figure 5); first seed. "
         "A ring marks the largest value where it is on the diagonal, a cross where it is not.",
     )

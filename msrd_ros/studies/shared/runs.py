@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -24,7 +24,8 @@ from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import TestSet, evaluate, make_test_set, task_correlation
-from msrd_ros.studies.shared.methods import Budget, Method, configure, restore, train
+from msrd_ros.studies.shared.method import Budget, Exercise, restore, silent
+from msrd_ros.studies.shared.methods import METHODS
 from msrd_ros.studies.shared.statistics import summarise
 from msrd_ros.studies.shared.task import Demonstrators, VirtualTask
 
@@ -33,8 +34,30 @@ T = TypeVar("T")
 TRAINING_SEED, DEMONSTRATION_SEED, TEST_SEED = 11_000, 12_000, 13_000
 
 
-def silent(line: str) -> None:
-    """Tell nobody."""
+@dataclass(frozen=True)
+class SharedPlan:
+    """What every plan of a study in simulation says.
+
+    Attributes
+    ----------
+    seeds
+        Repetitions.
+    budget
+        What each method may use.
+    demonstrations
+        Trajectories of each strategy.
+    test_repeats, test_clean
+        Test trajectories per strategy and noise level, and without noise.
+    workers
+        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
+    """
+
+    seeds: int = 5
+    budget: Budget = field(default_factory=Budget)
+    demonstrations: int = 20
+    test_repeats: int = 2
+    test_clean: int = 5
+    workers: int = 2
 
 
 @dataclass(frozen=True)
@@ -47,82 +70,83 @@ class Runs:
         What is studied.
     name
         Of the demonstrators, at the head of file names.
-    budget
-        What each method may use.
-    demonstrations
-        Trajectories of each strategy.
-    test_repeats, test_clean
-        Test trajectories per strategy and noise level, and without noise.
+    plan
+        How much of everything.
     folder
         Where the files are.
     progress
         Told what is going on.
-    workers
-        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
     """
 
     task: VirtualTask
     demonstrators: Demonstrators
     name: str
-    budget: Budget
-    demonstrations: int
-    test_repeats: int
-    test_clean: int
+    plan: SharedPlan
     folder: Path
     progress: Callable[[str], None] = silent
-    workers: int = 0
 
-    def prepare(self, methods: Iterable[Method], repetitions: int) -> None:
+    def prepare(self, methods: Iterable[str], repetitions: int) -> None:
         """Train what `estimate` will be asked for, several runs side by side."""
         wanted = [(method, repetition) for repetition in range(repetitions) for method in methods]
         missing = [job for job in wanted if not self.path(*job).exists()]
-        if self.workers < 2 or len(missing) < 2:
+        if self.plan.workers < 2 or len(missing) < 2:
             return
         alone = replace(self, progress=silent)
         with ProcessPoolExecutor(
-            self.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
+            self.plan.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
         ) as pool:
             try:
                 jobs = {pool.submit(alone.train, *job): job for job in missing}
                 for count, done in enumerate(as_completed(jobs), 1):
                     done.result()
                     method, repetition = jobs[done]
-                    which = f"{method.value}, seed {repetition}"
+                    which = f"{method}, seed {repetition}"
                     self.progress(f"{self.name}: {count} of {len(missing)} runs done, {which}")
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
 
-    def estimate(self, method: Method, repetition: int) -> Estimate:
+    def estimate(self, method: str, repetition: int) -> Estimate:
         """Train `method`, or take the run that is already there."""
         path = self.path(method, repetition)
         if not path.exists():
             self.train(method, repetition)
-        data = self.demonstrate(repetition)
-        return restore(self.task, load_tensors(path.read_bytes()), method, data, self.budget)
+        return restore(METHODS[method], self._exercise(repetition), load_tensors(path.read_bytes()))
 
-    def train(self, method: Method, repetition: int) -> None:
+    def train(self, method: str, repetition: int) -> None:
         """Train `method` and keep the outcome as a file."""
-        self.progress(f"{self.name}: {method.value}, seed {repetition}")
-        data, seed, truth = self.demonstrate(repetition), TRAINING_SEED + repetition, self.demonstrators.truth
-        estimate = train(self.task, method, data, self.budget, seed, self.progress, truth)
+        self.progress(f"{self.name}: {method}, seed {repetition}")
+        estimate = METHODS[method].train(self._exercise(repetition))
         write_atomically(self.path(method, repetition), save_tensors(estimate.tensors()))
+
+    def _exercise(self, repetition: int) -> Exercise:
+        """What every method is given in a repetition."""
+        return Exercise(
+            self.task,
+            self.demonstrate(repetition),
+            self.plan.budget,
+            TRAINING_SEED + repetition,
+            self.progress,
+            self.demonstrators.truth,
+        )
 
     def demonstrate(self, repetition: int) -> Demonstrations:
         """The demonstrations of a repetition, the same for every method."""
-        return self.demonstrators.demonstrate(self.demonstrations, DEMONSTRATION_SEED + repetition)
+        return self.demonstrators.demonstrate(self.plan.demonstrations, DEMONSTRATION_SEED + repetition)
 
     def test_set(self, repetition: int) -> TestSet:
         """The test trajectories of a repetition."""
         seed = TEST_SEED + repetition
-        return make_test_set(self.task, self.demonstrators, seed, self.test_repeats, self.test_clean)
+        return make_test_set(
+            self.task, self.demonstrators, seed, self.plan.test_repeats, self.plan.test_clean
+        )
 
     @property
     def demonstrators_report(self) -> dict[str, Any]:
         """What the demonstrators are, and the recipe that made them."""
         return self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)}
 
-    def compare(self, methods: Iterable[Method], repetitions: int) -> dict[str, Any]:
+    def compare(self, methods: Iterable[str], repetitions: int) -> dict[str, Any]:
         """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
         methods = tuple(methods)
         self.prepare(methods, repetitions)
@@ -138,12 +162,12 @@ class Runs:
 
     def marks(
         self,
-        methods: Iterable[Method],
+        methods: Iterable[str],
         repetition: int,
         make_test: Callable[[int], T],
         judge: Callable[[Estimate, T], dict[str, Any]],
         *conditions: Any,
-    ) -> dict[Method, dict[str, Any]]:
+    ) -> dict[str, dict[str, Any]]:
         """Marks of `methods` on one repetition, by name; those given once are kept as files.
 
         Parameters
@@ -157,34 +181,32 @@ class Runs:
         """
         test = cache(partial(make_test, repetition))
 
-        def mark(method: Method) -> dict[str, Any]:
+        def mark(method: str) -> dict[str, Any]:
             return judge(self.estimate(method, repetition), test())
 
         found = {}
         for method in methods:
             run = self.path(method, repetition)
-            key = cache_key(run.name, self.test_repeats, self.test_clean, *conditions)
-            file = run.with_name(f"{self.name}-{method.value}-{repetition}-{key}.json")
+            key = cache_key(run.name, self.plan.test_repeats, self.plan.test_clean, *conditions)
+            file = run.with_name(f"{self.name}-{method}-{repetition}-{key}.json")
             found[method] = cached(file, partial(mark, method))
         return found
 
-    def path(self, method: Method, repetition: int) -> Path:
+    def path(self, method: str, repetition: int) -> Path:
         """File of a run; another one as soon as anything about the run has changed."""
         recipe = asdict(self.demonstrators.recipe)
-        key = cache_key(self.name, self.settings(method), recipe, self.demonstrations, repetition)
-        return self.folder / f"{self.name}-{method.value}-{repetition}-{key}.safetensors"
+        key = cache_key(self.name, self.settings(method), recipe, self.plan.demonstrations, repetition)
+        return self.folder / f"{self.name}-{method}-{repetition}-{key}.safetensors"
 
-    def settings(self, method: Method) -> Any:
+    def settings(self, method: str) -> Any:
         """Everything that a method's run depends on, as data for JSON."""
-        if method in (Method.CLASSIFIER, Method.ORACLE, Method.SUPERVISED):
-            return [method.value, self.budget.classifier_steps]
-        return [configure(self.task, method, self.budget).to_dict(), self.budget.horizon, self.budget.members]
+        return METHODS[method].settings(self.task, self.plan.budget)
 
 
-def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[Method, Mapping[str, Any]]) -> None:
+def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[str, Mapping[str, Any]]) -> None:
     """Add one repetition's marks to the lists by method and name."""
     for method, result in marks.items():
-        row = scores.setdefault(method.value, {})
+        row = scores.setdefault(method, {})
         for name, value in result.items():
             row.setdefault(name, []).append(value)
 

@@ -7,6 +7,17 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+RIVALS = ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier")
+"""Of MSRD, in strategy rewards."""
+STRATEGY_PAIRS = (*(("msrd", rival) for rival in RIVALS), ("msrd_as_printed", "airl_each"))
+TASK_PAIRS = (
+    ("msrd", "airl"),
+    ("msrd", "msrd_as_printed"),
+    ("msrd", "vanilla_distillation"),
+    ("msrd", "airl_each"),
+)
+"""Which is tested against which."""
+
 
 def paired_test(ours: np.ndarray, theirs: np.ndarray) -> dict[str, float]:
     """One-tailed paired t-test (ours greater), the paper's, with the Shapiro-Wilk test of the differences.
@@ -56,18 +67,14 @@ def summarise(methods: dict[str, dict[str, Any]]) -> dict[str, Any]:
         rows = methods.get(name, {}).get("strategy_r") or []
         return np.array(rows, float).mean(axis=0) if rows and rows[0] is not None else None
 
-    ours = by_strategy("msrd")
-    for rival in ("airl_each", "airl_each_cross", "msrd_as_printed", "vanilla_distillation", "classifier"):
-        theirs = by_strategy(rival)
+    for name, rival in STRATEGY_PAIRS:
+        ours, theirs = by_strategy(name), by_strategy(rival)
         if ours is not None and theirs is not None:
-            tests[f"strategy_r_msrd_over_{rival}"] = paired_test(ours, theirs)
-    printed, each = by_strategy("msrd_as_printed"), by_strategy("airl_each")
-    if printed is not None and each is not None:
-        tests["strategy_r_msrd_as_printed_over_airl_each"] = paired_test(printed, each)
-    for rival in ("airl", "msrd_as_printed", "vanilla_distillation", "airl_each"):
-        if "msrd" in methods and rival in methods:
-            pair = [np.array(methods[name]["task_r"], float) for name in ("msrd", rival)]
-            tests[f"task_r_msrd_over_{rival}"] = paired_test(*pair)
+            tests[f"strategy_r_{name}_over_{rival}"] = paired_test(ours, theirs)
+    for name, rival in TASK_PAIRS:
+        if name in methods and rival in methods:
+            pair = [np.array(methods[one]["task_r"], float) for one in (name, rival)]
+            tests[f"task_r_{name}_over_{rival}"] = paired_test(*pair)
     for name, scores in methods.items():
         hits = scores.get("diagonal") or []
         if hits and hits[0] is not None:

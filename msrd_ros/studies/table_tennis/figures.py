@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from msrd_ros.contract.labels import StrategyLabel
-from msrd_ros.reports.stroke_figures import SIDE_LINES, STROKE_COLOURS, draw_matrix
+from msrd_ros.reports.stroke_figures import SIDE_LINES, draw_matrix
+from msrd_ros.table_tennis.strategies.table import Strategies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,12 +35,12 @@ def training_curves(metrics: dict[str, Any]) -> Figure:
         minutes = [point["seconds"] / 60 for point in curve]
         for axes, kind in zip(row, ("struck", "returned"), strict=True):
             for index, text in enumerate(metrics["labels"]):
-                label = StrategyLabel.parse(text)
+                strategy = Strategies.shipped().of(StrategyLabel.parse(text))
                 axes.plot(
                     minutes,
                     [100 * point[kind][index] for point in curve],
-                    SIDE_LINES[label.side],
-                    color=STROKE_COLOURS[label.stroke],
+                    SIDE_LINES[strategy.side],
+                    color=strategy.colour,
                     label=text,
                 )
             axes.set_title(f"{titles[name]}: {kind}")

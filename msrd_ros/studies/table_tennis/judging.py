@@ -10,14 +10,12 @@ from torch import Tensor
 
 from msrd_ros.contract.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.core.errors import UserError
-from msrd_ros.studies.table_tennis.methods import Budget, Method, make_training
+from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.studies.table_tennis.recording import StudyData
 from msrd_ros.studies.table_tennis.statistics import diagonal_wins, friedman
 from msrd_ros.studies.table_tennis.undone import undo_return
 from msrd_ros.table_tennis.ball.camera import CameraConfig
-
-WITHOUT_STRATEGY_REWARDS = (Method.AIRL,)
-WITHOUT_TASK_REWARD = (Method.AIRL_EACH, Method.AIRL_EACH_CROSS)
+from msrd_ros.table_tennis.strokes.training import StrokeTraining
 
 UNDONE_STREAM = 0x0DD
 
@@ -36,17 +34,17 @@ def undone_pairs(data: StudyData, seed: int) -> list[tuple[Episode, Episode]]:
 
 
 def judge(
-    method: Method,
+    training: StrokeTraining,
     rewards: dict[str, Tensor],
     data: StudyData,
     pairs: Sequence[tuple[Episode, Episode]],
-    budget: Budget,
-    seed: int,
 ) -> dict[str, Any]:
     """Matrix of strategy rewards, and the task reward of strokes with and without their return.
 
     Parameters
     ----------
+    training
+        Of the method; it takes up the rewards.
     rewards
         Weights of the method's averaged reward networks.
     pairs
@@ -60,10 +58,10 @@ def judge(
         pair. AIRL with one reward has no matrix; AIRL per strategy has no task reward, so that there each
         stroke's own reward is taken for it.
     """
-    training = make_training(method, data, budget, seed)
-    training.trainer.averaged_rewards.load_state_dict(rewards)
+    model = training.trainer.averaged_rewards
+    model.load_state_dict(rewards)
     result: dict[str, Any] = {"matrix": None, "diagonal": None}
-    if method not in WITHOUT_STRATEGY_REWARDS:
+    if model.form is not RewardForm.TASK_ONLY:
         matrix = training.strategy_matrix(data.held_out)
         result |= {"matrix": matrix.tolist(), "diagonal": diagonal_wins(matrix)}
         result["strategy_rewards"] = list(training.reward_groups)
@@ -71,7 +69,7 @@ def judge(
     for column in range(2):
         seen = np.stack([pair[column].observations[FIRST_ACTING_STEP:] for pair in pairs])
         task, strategies = training.rewards_of(seen, 0)
-        if method in WITHOUT_TASK_REWARD:
+        if model.form is RewardForm.STRATEGY_ONLY:
             own = [training.labels.index(pair[column].label) for pair in pairs]
             task = strategies[own, np.arange(len(pairs))]
         values[:, column] = task / (seen.shape[1] - 1)

@@ -1,77 +1,135 @@
 """The methods compared: each learns from the same recordings, and each can be played.
 
-What they share is the recipe of `stroke_training`: networks, cloning, simulator, rollouts, trust region and
+What they share is the recipe of `strokes.training`: networks, cloning, simulator, rollouts, trust region and
 iterations; every method changes only what its name says.
 """
 
 from __future__ import annotations
 
-import copy
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-import numpy as np
-import torch
 from torch import Tensor
 
-from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.config import MSRDConfig, RefitConfig
+from msrd_ros.learning.harness import Harness, Schedule
+from msrd_ros.learning.method import Method
+from msrd_ros.learning.methods.airl import AirlEach, AirlEachCross
+from msrd_ros.learning.methods.msrd import Msrd, MsrdAsPrinted
 from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.presets import as_printed
-from msrd_ros.learning.rewards import RewardForm, RewardModel
-from msrd_ros.learning.rollouts import BatchedCollector
-from msrd_ros.learning.trajectories import Transitions
+from msrd_ros.learning.rewards import RewardForm
+from msrd_ros.studies.table_tennis.frozen_reward import FrozenReward
 from msrd_ros.studies.table_tennis.recording import Progress, StudyData
+from msrd_ros.table_tennis.strategies.table import Strategies
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
-from msrd_ros.table_tennis.strokes.training import StrokeTraining, StrokeTrainingConfig
-
-
-class Method(StrEnum):
-    """Rows of the table."""
-
-    MSRD = "msrd"
-    BEHAVIOUR_CLONING = "behaviour_cloning"
-    CLONING_WITH_NOISE = "cloning_with_noise"
-    OPEN_LOOP = "open_loop"
-    AIRL = "airl"
-    AIRL_EACH = "airl_each"
-    FROZEN_REWARD = "frozen_reward"
-    MSRD_RANDOMISED = "msrd_randomised"
-    MSRD_CORRECTIVE_START = "msrd_corrective_start"
-    MSRD_AS_PRINTED = "msrd_as_printed"
-    AIRL_EACH_CROSS = "airl_each_cross"
-    MSRD_PER_STROKE = "msrd_per_stroke"
-
-
-MAIN_METHODS = (
-    Method.MSRD,
-    Method.BEHAVIOUR_CLONING,
-    Method.CLONING_WITH_NOISE,
-    Method.OPEN_LOOP,
-    Method.AIRL,
-    Method.AIRL_EACH,
-    Method.FROZEN_REWARD,
+from msrd_ros.table_tennis.strokes.run import StrokeTask
+from msrd_ros.table_tennis.strokes.training import (
+    StrokeTraining,
+    StrokeTrainingConfig,
+    stroke_recipe,
 )
-"""In every table; the others say what single parts of the recipe do."""
 
-UNPLAYED = (Method.BEHAVIOUR_CLONING, Method.CLONING_WITH_NOISE)
-CORRECTIVE_START = (Method.CLONING_WITH_NOISE, Method.MSRD_CORRECTIVE_START)
-"""Cloned with injected joint offsets; everyone else starts from plain cloning."""
+REFIT = RefitConfig()
+"""`MSRD.refit_on_replay` before rewards are frozen. With it, and without any price on leaving
+the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.PRIOR_WEIGHT`)."""
 
-PRIOR_WEIGHT = 1.0
-"""What leaving the cloned policy costs under frozen rewards, per nat. Without it a stroke that had reached
-97 % fell to 44 in 60 iterations, at .2 to 82 in 45: a reward that no discriminator corrects any more is
-followed to where it was never told anything. Chosen on another population, as is the next."""
 
-REFIT_STEPS = 600
-"""Adam steps of `MSRD.refit_on_replay` before they are frozen. With them, and without any price on leaving
-the clone, the same stroke was still at 88 % after 60 iterations."""
+class AirlSixPolicies(Method):
+    """AIRL on all demonstrations: one reward of ball and joints for all six strokes.
 
-RANDOMISED: dict[str, Any] = {"spread": "wide", "camera_noise_m": 0.003, "camera_latency_s": 0.02}
-"""Training conditions of `Method.MSRD_RANDOMISED`."""
+    One policy for all would have to be told which stroke is asked for; it is told by being six networks,
+    one for each label, all trained on the same reward.
+    """
+
+    name = "airl"
+    title = "AIRL, one reward for all"
+
+    def configure(self, config: MSRDConfig, strategies: int) -> MSRDConfig:
+        """R_i = R0 without any terms of ours."""
+        reward = replace(
+            config.reward,
+            form=RewardForm.TASK_ONLY,
+            alpha=1.0,
+            task_features=config.reward.strategy_features,
+        )
+        return replace(as_printed(config), reward=reward)
+
+
+@dataclass(frozen=True)
+class StrokeMethod:
+    """A row of the table.
+
+    Attributes
+    ----------
+    name, title
+        As in names of files, and as the table calls it.
+    learns
+        The method of learning; None: nothing is learned, recorded motions are replayed.
+    training
+        Its own settings of `StrokeTrainingConfig`.
+    is_cloned
+        Whether cloning is all: there are no iterations, and rewards mean nothing.
+    frozen_from
+        Row whose rewards, refitted on replay, are frozen and optimised; None: rewards are its own.
+    main
+        In every table; the others say what single parts of the recipe do.
+    """
+
+    name: str
+    title: str
+    learns: Method | None = field(default_factory=Msrd)
+    training: Mapping[str, Any] = field(default_factory=dict)
+    is_cloned: bool = False
+    frozen_from: str | None = None
+    main: bool = False
+
+
+METHODS = {
+    method.name: method
+    for method in (
+        StrokeMethod("msrd", "MSRD", main=True),
+        StrokeMethod("behaviour_cloning", "behaviour cloning", is_cloned=True, main=True),
+        # With injected joint offsets; everyone else starts from plain cloning.
+        StrokeMethod(
+            "cloning_with_noise",
+            "cloning with corrective noise, no reward",
+            training={"corrective_cloning": True},
+            is_cloned=True,
+            main=True,
+        ),
+        StrokeMethod("open_loop", "open-loop replay of demonstrations", learns=None, main=True),
+        StrokeMethod("airl", AirlSixPolicies.title, AirlSixPolicies(), main=True),
+        StrokeMethod("airl_each", AirlEach.title, AirlEach(), main=True),
+        StrokeMethod(
+            "frozen_reward",
+            "plain cloning + frozen R0 + S_i",
+            FrozenReward(),
+            frozen_from="msrd",
+            main=True,
+        ),
+        StrokeMethod(
+            "msrd_randomised",
+            "MSRD, trained under worse conditions",
+            training={"spread": "wide", "camera_noise_m": 0.003, "camera_latency_s": 0.02},
+        ),
+        StrokeMethod(
+            "msrd_corrective_start",
+            "MSRD from cloning with corrective noise",
+            training={"corrective_cloning": True},
+        ),
+        StrokeMethod("msrd_as_printed", "MSRD, the paper's loss only", MsrdAsPrinted()),
+        StrokeMethod("airl_each_cross", "AIRL per strategy + cross-negatives", AirlEachCross()),
+        StrokeMethod(
+            "msrd_per_stroke",
+            "MSRD, forehand and backhand share a strategy reward",
+            training={"strategy_rewards": "stroke"},
+        ),
+    )
+}
+MAIN_METHODS = tuple(name for name, method in METHODS.items() if method.main)
+SUPPLEMENT = tuple(name for name, method in METHODS.items() if not method.main)
 
 
 @dataclass(frozen=True)
@@ -125,60 +183,50 @@ class Learned:
     report: dict[str, Any]
 
 
-def pooled_reward(config: MSRDConfig) -> MSRDConfig:
-    """AIRL on all demonstrations: one reward of ball and joints for all six strokes.
-
-    One policy for all would have to be told which stroke is asked for; it is told by being six networks,
-    one for each label, all trained on the same reward.
-    """
-    reward = replace(
-        config.reward,
-        form=RewardForm.TASK_ONLY,
-        alpha=1.0,
-        task_features=config.reward.strategy_features,
-    )
-    return replace(as_printed(config), reward=reward)
-
-
-def own_rewards(config: MSRDConfig) -> MSRDConfig:
-    """AIRL per strategy: a reward of its own for each, nothing shared."""
-    return replace(config, reward=replace(config.reward, form=RewardForm.STRATEGY_ONLY, alpha=1.0))
-
-
-_CHANGES: dict[Method, Callable[[MSRDConfig], MSRDConfig]] = {
-    Method.AIRL: pooled_reward,
-    Method.AIRL_EACH: lambda config: own_rewards(as_printed(config)),
-    Method.AIRL_EACH_CROSS: own_rewards,
-    Method.MSRD_AS_PRINTED: as_printed,
-}
-
-
-def make_training(method: Method, data: StudyData, budget: Budget, seed: int) -> StrokeTraining:
-    """The training run of a method, before its first step."""
+def settings_of(method: StrokeMethod, budget: Budget, seed: int) -> StrokeTrainingConfig:
+    """Settings of a method's training run."""
     settings = StrokeTrainingConfig(
-        iterations=budget.iterations,
+        iterations=0 if method.is_cloned else budget.iterations,
         episodes=budget.episodes,
         seed=seed,
         threads=budget.threads,
-        corrective_cloning=method in CORRECTIVE_START,
-        strategy_rewards="stroke" if method is Method.MSRD_PER_STROKE else "side_and_stroke",
-        **(RANDOMISED if method is Method.MSRD_RANDOMISED else {}),
+        cloning_steps=budget.cloning_steps,
+        **method.training,
     )
-    training = StrokeTraining(data.training, data.landing_points, settings)
-    change = _CHANGES.get(method)
-    config = change(training.trainer.config) if change else training.trainer.config
-    steps = config.cloning.steps if method in CORRECTIVE_START else budget.plain_cloning_steps
-    if budget.cloning_steps is not None:
-        steps = budget.cloning_steps
-    config = replace(config, cloning=replace(config.cloning, steps=steps))
-    if config != training.trainer.config:
-        collector = BatchedCollector(training.simulator)
-        training.trainer = MSRD(config, training.demonstrations, collector, seed)
-    return training
+    if budget.cloning_steps is None and not settings.corrective_cloning:
+        settings = replace(settings, cloning_steps=budget.plain_cloning_steps)
+    return settings
+
+
+def make_training(method: StrokeMethod, data: StudyData, budget: Budget, seed: int) -> StrokeTraining:
+    """The training run of a method, before its first step."""
+    settings = settings_of(method, budget, seed)
+    return StrokeTraining(data.training, data.landing_points, settings, method=method.learns)
+
+
+def run_settings(method: StrokeMethod, data: StudyData, budget: Budget) -> dict[str, Any]:
+    """Everything that a run depends on beside recordings and seed, as data for JSON."""
+    settings = settings_of(method, budget, 0)
+    labels = Strategies.shipped().sort(episode.label for episode in data.training)
+    recipe = stroke_recipe(settings, labels, data.training[0].robot)
+    return {"name": method.name, "recipe": recipe.to_dict(), "training": asdict(settings)}
+
+
+class _Telling(StrokeTask):
+    """Tells the outcome of every evaluation."""
+
+    def __init__(self, training: StrokeTraining, balls: int, progress: Progress, which: str) -> None:
+        super().__init__(training, balls)
+        self._progress, self._which = progress, which
+
+    def at_point(self, harness: Harness) -> None:
+        """One line."""
+        where = f"iteration {harness.iteration} of {harness.planned}"
+        self._progress(f"{self._which}: {where}, {self.summary(harness)}")
 
 
 def learn(
-    method: Method,
+    method: StrokeMethod,
     data: StudyData,
     budget: Budget,
     seed: int,
@@ -190,111 +238,27 @@ def learn(
     Parameters
     ----------
     frozen
-        For `Method.FROZEN_REWARD`: the weights of MSRD's rewards refitted on replay.
+        The weights of the rewards of `StrokeMethod.frozen_from`, refitted on replay.
     """
     training = make_training(method, data, budget, seed)
     trainer = training.trainer
-    iterations = 0 if method in UNPLAYED else budget.iterations
-    curve: list[dict[str, Any]] = []
-    evaluations = np.random.default_rng((seed, 1))
-    begun, begun_cpu, evaluated, evaluated_cpu = time.perf_counter(), time.process_time(), 0.0, 0.0
-
-    def evaluate(iteration: int) -> None:
-        nonlocal evaluated, evaluated_cpu
-        start, start_cpu = time.perf_counter(), time.process_time()
-        struck, returned = training.evaluate(budget.evaluation_balls, evaluations)
-        seconds = start - begun - evaluated
-        curve.append(
-            {
-                "iteration": iteration,
-                "seconds": seconds,
-                "struck": struck.tolist(),
-                "returned": returned.tolist(),
-            }
-        )
-        share = 100 * float(returned.mean())
-        progress(
-            f"{method}, training seed {seed}: iteration {iteration} of {iterations}, {share:.0f} % returned"
-        )
-        evaluated += time.perf_counter() - start
-        evaluated_cpu += time.process_time() - start_cpu
-
-    trainer.clone()
-    evaluate(0)
-    make_iteration: Callable[[], object] = trainer.iterate
-    if method is Method.FROZEN_REWARD:
-        assert frozen is not None
-        make_iteration = FrozenRewardTraining(training, frozen, seed).iterate
-    for index in range(1, iterations + 1):
-        make_iteration()
-        if index % budget.evaluate_every == 0 or index == iterations:
-            evaluate(index)
+    if frozen is not None:
+        trainer.averaged_rewards.load_state_dict(frozen)
+    which = f"{method.name}, training seed {seed}"
+    task = _Telling(training, budget.evaluation_balls, progress, which)
+    harness = Harness(trainer, task, Schedule(budget.evaluate_every))
+    harness.run()
     report = {
-        "curve": curve,
-        "seconds": time.perf_counter() - begun - evaluated,
-        "cpu_seconds": time.process_time() - begun_cpu - evaluated_cpu,
+        "curve": harness.curve,
+        "seconds": harness.seconds,
+        "cpu_seconds": harness.cpu_seconds,
         "env_steps": trainer.environment_steps,
     }
-    has_rewards = method not in (*UNPLAYED, Method.FROZEN_REWARD)
+    has_rewards = not method.is_cloned and method.frozen_from is None
     rewards = dict(trainer.averaged_rewards.state_dict()) if has_rewards else {}
     lasting = {}
-    if method is Method.MSRD:
-        steps = min(REFIT_STEPS, iterations * trainer.config.discriminator.steps)
-        lasting = dict(trainer.refit_on_replay(steps).state_dict())
+    if method.name in {other.frozen_from for other in METHODS.values()}:
+        assert isinstance(trainer, MSRD)
+        steps = min(REFIT.steps, budget.iterations * trainer.config.discriminator.steps)
+        lasting = dict(trainer.refit_on_replay(replace(REFIT, steps=steps)).state_dict())
     return Learned(training.policies(), rewards, lasting, report)
-
-
-class FrozenRewardTraining:
-    """Cloned policies improved on rewards that stay as they are.
-
-    The reward of a step is ``R_i - PRIOR_WEIGHT * (log pi_i - log pi_i of the clone)``, whose optimum stays
-    near the clone in the sense of the Kullback-Leibler divergence (as in fine-tuning of language models).
-
-    Parameters
-    ----------
-    training
-        Its policies are improved.
-    rewards
-        Weights of R0 and S_i.
-    seed
-        Of rollouts and updates.
-    """
-
-    def __init__(self, training: StrokeTraining, rewards: dict[str, Tensor], seed: int) -> None:
-        trainer = training.trainer
-        config = trainer.config
-        self._trainer = trainer
-        self._rewards: RewardModel = trainer.averaged_rewards
-        self._rewards.load_state_dict(rewards)
-        self._clone = copy.deepcopy(trainer.policies)
-        self._collector = BatchedCollector(training.simulator)
-        self._rng = np.random.default_rng((seed, 2))
-        self._iterations = 0
-        self._improvement = PolicyImprovement(
-            trainer.policies,
-            config.policy.features.build(training.demonstrations),
-            config.trust_region,
-            config.value,
-            config.discount,
-            config.gae_decay,
-            torch.Generator().manual_seed(seed),
-        )
-
-    def iterate(self) -> None:
-        """Play, reward, improve."""
-        config = self._trainer.config
-        rollouts = self._collector.collect(self._trainer.policies, config.episodes, self._rng)
-        self._trainer.environment_steps += rollouts.observations[:, :, 1:, 0].size
-        transitions = Transitions.of(
-            torch.as_tensor(rollouts.observations),
-            torch.as_tensor(rollouts.actions),
-            torch.as_tensor(rollouts.log_probs),
-        )
-        with torch.no_grad():
-            cloned = self._clone.distribution(transitions.observation)
-            strayed = transitions.log_prob - self._clone.log_prob(cloned, transitions.action)
-            reward = self._rewards(transitions).combined
-            reward = reward - PRIOR_WEIGHT * strayed * (1.0 - transitions.passive)
-        reward = reward.reshape(*rollouts.actions.shape[:2], -1)
-        self._improvement.improve(rollouts, reward, self._iterations / max(1, config.iterations - 1))
-        self._iterations += 1

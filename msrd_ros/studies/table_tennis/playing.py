@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from msrd_ros.contract.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
-from msrd_ros.robots.sawyer import JOINT_COUNT
+from msrd_ros.robots.loading import default_robot
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, Feed, Feeder, FeedSpread
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import PolicyFunction
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
@@ -32,7 +34,7 @@ class Repertoire(Protocol):
     def begin(
         self, label: StrategyLabel, rng: np.random.Generator
     ) -> tuple[PolicyFunction, NDArray[np.float64]]:
-        """One stroke: from observation (13,) to action (7,); and where the joints wait, (7,) in rad."""
+        """One stroke: from observation (N + 6,) to action (N,); and where the joints wait, (N,) in rad."""
         ...
 
 
@@ -46,7 +48,8 @@ class LearnedStrokes:
         self, label: StrategyLabel, rng: np.random.Generator
     ) -> tuple[PolicyFunction, NDArray[np.float64]]:
         """See `Repertoire`; draws nothing."""
-        unused = StrokeDraws(np.zeros(JOINT_COUNT), np.zeros((0, JOINT_COUNT)))
+        joints = self.policies.robot.joint_count
+        unused = StrokeDraws(np.zeros(joints), np.zeros((0, joints)))
         return self.policies.play(label, unused), self.policies.require(label).ready_pose
 
 
@@ -72,7 +75,7 @@ class ReplayedMotions:
 
         def follow(observation: NDArray[np.float64]) -> NDArray[np.float64]:
             step = next(steps)
-            astray = observation[:JOINT_COUNT] - episode.joint_position[step]
+            astray = observation[: episode.robot.joint_count] - episode.joint_position[step]
             action: NDArray[np.float64] = episode.actions[step] - REPLAY_GAIN * astray
             return action
 
@@ -105,22 +108,27 @@ class EvaluationBall(NamedTuple):
     """One ball: number, strategy, feed, offset of the start posture in standard deviations, seed."""
 
     number: int
-    label: StrategyLabel
+    label: PaperLabel
     feed: Feed
     offset: NDArray[np.float64]
     seed: tuple[int, ...]
 
 
 def evaluation_balls(
-    labels: Sequence[StrategyLabel], balls: int, seed: int, spread: FeedSpread
+    labels: Sequence[PaperLabel],
+    balls: int,
+    seed: int,
+    spread: FeedSpread,
+    robot: Robot | None = None,
 ) -> list[EvaluationBall]:
     """`balls` balls for each strategy: the same for whoever plays them."""
     rng = np.random.default_rng((EVALUATION_STREAM, seed))
+    joints = (robot or default_robot()).joint_count
     found: list[EvaluationBall] = []
     for label in labels:
         for _ in range(balls):
             key = (EVALUATION_STREAM, seed, len(found))
-            offset = np.random.default_rng(key).standard_normal(JOINT_COUNT)
+            offset = np.random.default_rng(key).standard_normal(joints)
             feed = Feeder().sample(label.side, spread, rng)
             found.append(EvaluationBall(len(found), label, feed, offset, (*key, 1)))
     return found

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import Episode
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
 from msrd_ros.stack.processes import NodeProcess, own_domain
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.training import mean_landing_points
 from msrd_ros.table_tennis.teachers.study_design import subject_name
 

@@ -11,22 +11,9 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.reports.page import Report
 from msrd_ros.reports.stroke_figures import spin_histograms
 from msrd_ros.studies.table_tennis import figures
+from msrd_ros.studies.table_tennis.methods import METHODS
 from msrd_ros.studies.table_tennis.results import pooled
-
-NAMES = {
-    "msrd": "MSRD",
-    "behaviour_cloning": "behaviour cloning",
-    "cloning_with_noise": "cloning with corrective noise, no reward",
-    "open_loop": "open-loop replay of demonstrations",
-    "airl": "AIRL, one reward for all",
-    "airl_each": "AIRL per strategy",
-    "frozen_reward": "plain cloning + frozen R0 + S_i",
-    "msrd_randomised": "MSRD, trained under worse conditions",
-    "msrd_corrective_start": "MSRD from cloning with corrective noise",
-    "msrd_as_printed": "MSRD, the paper's loss only",
-    "airl_each_cross": "AIRL per strategy + cross-negatives",
-    "msrd_per_stroke": "MSRD, forehand and backhand share a strategy reward",
-}
+from msrd_ros.table_tennis.strategies.table import Strategies
 
 
 def write_report(metrics: dict[str, Any], folder: Path) -> Path:
@@ -50,7 +37,9 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     report.heading("Spin")
     report.figure(
         spin_histograms(
-            metrics["methods"]["msrd"]["spins"], [StrategyLabel.parse(text) for text in metrics["labels"]]
+            metrics["methods"]["msrd"]["spins"],
+            [Strategies.shipped().of(StrategyLabel.parse(text)) for text in metrics["labels"]],
+            Strategies.shipped().spin_borders,
         ),
         "Spin about the horizontal axis across the table right after the hit, returned balls of MSRD; "
         "positive is topspin. Dotted: borders between the three classes.",
@@ -159,7 +148,7 @@ def _rates(report: Report, metrics: dict[str, Any]) -> None:
         ["method", "struck, %", "returned, %", "worst label returned", "spin right, %", "misses", "seconds"],
         [
             [
-                NAMES[name],
+                METHODS[name].title,
                 share(overall(method, "struck", "fed")),
                 share(overall(method, "returned", "fed")),
                 worst(method, "returned"),
@@ -193,7 +182,7 @@ def _per_label(report: Report, metrics: dict[str, Any]) -> None:
     report.table(
         ["method", *labels],
         [
-            [NAMES[name], *(share(method["labels"][label]["pooled"]["returned"]) for label in labels)]
+            [METHODS[name].title, *(share(method["labels"][label]["pooled"]["returned"]) for label in labels)]
             for name, method in methods.items()
         ],
         "Percent, all seeds together.",
@@ -237,7 +226,7 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
             diagonal = f"{', '.join(map(str, method['diagonal']))} of {len(method['matrix'][0])}"
         rows.append(
             [
-                NAMES[name],
+                METHODS[name].title,
                 diagonal,
                 f"{np.mean(undone['real']):.3f}",
                 f"{np.mean(undone['undone']):.3f}",
@@ -255,7 +244,7 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
         "without and with them stands in the rows of the supplement, where it was run.",
     )
     report.figure(
-        figures.matrices({NAMES[name]: m for name, m in methods.items()}),
+        figures.matrices({METHODS[name].title: m for name, m in methods.items()}),
         "Strategy rewards (rows) on held-out strokes of each strategy (columns), rows scaled to [0, 1], "
         "first seed.",
     )

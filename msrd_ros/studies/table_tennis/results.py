@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import Episode
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.reports.film import film_of
 from msrd_ros.studies.table_tennis.playing import Played
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.rates import LabelRates, Rate
 
 COUNTS = ("fed", "struck", "returned", "within_20cm", "spin_class_right")
@@ -26,7 +27,7 @@ def evaluation_report(
     rates = {}
     for index, label in enumerate(ALL_LABELS):
         outcomes = played.outcomes[index * balls : (index + 1) * balls]
-        rates[str(label)] = LabelRates.of(label.stroke, outcomes, landing_points.get(label)).to_json()
+        rates[str(label)] = LabelRates.of(label, outcomes, landing_points.get(label)).to_json()
     return {"rates": rates, "limits": played.limits._asdict()}
 
 

@@ -16,7 +16,8 @@ from typing import Any
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
-from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.files import write_atomically
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.studies.shared.cache import cache_key, cached
@@ -29,13 +30,13 @@ from msrd_ros.studies.table_tennis.live import (
 )
 from msrd_ros.studies.table_tennis.methods import (
     MAIN_METHODS,
-    PRIOR_WEIGHT,
-    REFIT_STEPS,
+    METHODS,
+    SUPPLEMENT,
     Budget,
     Learned,
-    Method,
     learn,
     make_training,
+    run_settings,
 )
 from msrd_ros.studies.table_tennis.playing import (
     Conditions,
@@ -54,6 +55,7 @@ from msrd_ros.studies.table_tennis.results import (
     save_films,
 )
 from msrd_ros.studies.table_tennis.robustness import robustness_conditions
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 TRAINING_SEED, EVALUATION_SEED, ROBUSTNESS_SEED = 1000, 4000, 5000
@@ -98,14 +100,8 @@ class StudyPlan:
     budget: Budget = field(default_factory=Budget)
     balls: int = 200
     robustness_balls: int = 50
-    methods: tuple[Method, ...] = MAIN_METHODS
-    supplement: tuple[Method, ...] = (
-        Method.MSRD_RANDOMISED,
-        Method.MSRD_CORRECTIVE_START,
-        Method.MSRD_AS_PRINTED,
-        Method.AIRL_EACH_CROSS,
-        Method.MSRD_PER_STROKE,
-    )
+    methods: tuple[str, ...] = MAIN_METHODS
+    supplement: tuple[str, ...] = SUPPLEMENT
     conditions: tuple[str, ...] | None = None
     live: LivePlan | None = field(default_factory=LivePlan)
     workers: int = 2
@@ -158,29 +154,28 @@ class Study:
             record(self._bags, folder / "logs", plan.subjects, plan.recordings, progress)
         self.data: StudyData = split(load_episodes(self._bags, progress), plan.held_out)
         self._pairs = undone_pairs(self.data, 0)
-        self._configs: dict[Method, dict[str, Any]] = {}
 
     def run(self) -> dict[str, Any]:
         """Everything; the content of ``metrics.json``."""
         plan = self.plan
-        rows: dict[Method, list[dict[str, Any]]] = {}
+        rows: dict[str, list[dict[str, Any]]] = {}
         with Table(plan.workers) as table:
             for seed in range(plan.seeds):
                 for method in plan.methods:
                     rows.setdefault(method, []).append(self._row(method, seed, table))
-            robustness = self._robustness(Method.MSRD, range(plan.seeds), table)
+            robustness = self._robustness("msrd", range(plan.seeds), table)
             randomised: dict[str, list[dict[str, Any]]] = {}
-            if Method.MSRD_RANDOMISED in plan.supplement:
-                randomised = self._robustness(Method.MSRD_RANDOMISED, range(1), table)
+            if "msrd_randomised" in plan.supplement:
+                randomised = self._robustness("msrd_randomised", range(1), table)
             for method in plan.supplement:
                 rows.setdefault(method, []).append(self._row(method, 0, table))
             over_topics = self._over_topics(plan.live, table) if plan.live else {}
         labels = [str(label) for label in ALL_LABELS]
-        methods = {method.value: method_metrics(found, labels) for method, found in rows.items()}
-        if Method.FROZEN_REWARD in methods and Method.BEHAVIOUR_CLONING in methods:
+        methods = {method: method_metrics(found, labels) for method, found in rows.items()}
+        if "frozen_reward" in methods and "behaviour_cloning" in methods:
             # Same seed, same cloning: its policies are the ones that the frozen rewards then improve.
-            for label, row in methods[Method.FROZEN_REWARD]["labels"].items():
-                start = methods[Method.BEHAVIOUR_CLONING]["labels"][label]
+            for label, row in methods["frozen_reward"]["labels"].items():
+                start = methods["behaviour_cloning"]["labels"][label]
                 row["returned_at_start"] = start["returned"]
         return {
             "study": "table_tennis",
@@ -197,34 +192,34 @@ class Study:
             "plan": asdict(plan),
         }
 
-    def _row(self, method: Method, seed: int, table: Table) -> dict[str, Any]:
+    def _row(self, method: str, seed: int, table: Table) -> dict[str, Any]:
         """All about one method and training seed, from its folder or anew."""
         folder = self._folder(method, seed)
         result: dict[str, Any] = {}
         repertoire: Repertoire
-        if method is Method.OPEN_LOOP:
-            groups = {label: [e for e in self.data.training if e.label == label] for label in ALL_LABELS}
+        if METHODS[method].learns is None:
+            groups: dict[StrategyLabel, list[Episode]] = {
+                label: [e for e in self.data.training if e.label == label] for label in ALL_LABELS
+            }
             repertoire = ReplayedMotions(groups)
         else:
             learned = self._learned(method, seed)
             repertoire = LearnedStrokes(learned.policies)
             result |= learned.report
             if learned.rewards:
-                budget = self.plan.budget
-                result |= judge(method, learned.rewards, self.data, self._pairs, budget, TRAINING_SEED + seed)
+                training = make_training(METHODS[method], self.data, self.plan.budget, TRAINING_SEED + seed)
+                result |= judge(training, learned.rewards, self.data, self._pairs)
 
         def play() -> dict[str, Any]:
             self._progress(f"{method} seed {seed}: plays {self.plan.balls} balls of each stroke")
             played = self._play(table, repertoire, self.plan.balls, EVALUATION_SEED + seed, Conditions())
-            if method is Method.MSRD and seed == 0:
+            if method == "msrd" and seed == 0:
                 save_films(self._films, played.films)
             return evaluation_report(played, self.plan.balls, self.data.landing_points)
 
         return result | cached(folder / f"evaluation-{self.plan.balls}.json", play)
 
-    def _robustness(
-        self, method: Method, seeds: Sequence[int], table: Table
-    ) -> dict[str, list[dict[str, Any]]]:
+    def _robustness(self, method: str, seeds: Sequence[int], table: Table) -> dict[str, list[dict[str, Any]]]:
         """A method's policies under every condition, by name and seed."""
         plan = self.plan
         conditions = robustness_conditions()
@@ -247,7 +242,11 @@ class Study:
     def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
         """Learning through the nodes beside the same in the batched simulator, and the exchange's curve."""
         subjects = tuple(sorted({episode.subject for episode in self.data.training}))
-        settings = [asdict(live), self._config(Method.MSRD), self.plan.robustness_balls]
+        settings = [
+            asdict(live),
+            run_settings(METHODS["msrd"], self.data, self.plan.budget),
+            self.plan.robustness_balls,
+        ]
         lesson = Lesson(
             self._bags, subjects, self._runs / f"live-{cache_key(settings, self.data.digest)}", TRAINING_SEED
         )
@@ -271,7 +270,7 @@ class Study:
             repertoire, evaluation_balls(ALL_LABELS, balls, seed, conditions.spread), conditions
         )
 
-    def _learned(self, method: Method, seed: int) -> Learned:
+    def _learned(self, method: str, seed: int) -> Learned:
         """A method's run, taken up or made."""
         folder = self._folder(method, seed)
         names = "policies.safetensors", "rewards.safetensors", "refit_on_replay.safetensors", "training.json"
@@ -284,8 +283,9 @@ class Study:
                 json.loads(files[3].read_text()),
             )
         self._progress(f"{method} seed {seed}: starts")
-        frozen = self._learned(Method.MSRD, seed).lasting if method is Method.FROZEN_REWARD else None
-        learned = learn(method, self.data, self.plan.budget, TRAINING_SEED + seed, self._progress, frozen)
+        row = METHODS[method]
+        frozen = self._learned(row.frozen_from, seed).lasting if row.frozen_from else None
+        learned = learn(row, self.data, self.plan.budget, TRAINING_SEED + seed, self._progress, frozen)
         rewards, lasting = (
             {name: value.contiguous() for name, value in weights.items()}
             for weights in (learned.rewards, learned.lasting)
@@ -300,20 +300,12 @@ class Study:
             write_atomically(path, content)
         return learned
 
-    def _folder(self, method: Method, seed: int) -> Path:
+    def _folder(self, method: str, seed: int) -> Path:
         """Where a run is kept: a run is taken up only if nothing about it has changed."""
-        settings = [self._config(method)]
-        if method is Method.FROZEN_REWARD:
-            frozen = {"prior_weight": PRIOR_WEIGHT, "refit_steps": REFIT_STEPS}
-            settings += [self._config(Method.MSRD), frozen]  # whose rewards they are
-        key = cache_key(settings, asdict(self.plan.budget), self.data.digest, method)
+        names = [method, *filter(None, [METHODS[method].frozen_from])]  # and whose rewards they are
+        settings = [run_settings(METHODS[name], self.data, self.plan.budget) for name in names]
+        key = cache_key(settings, asdict(self.plan.budget), self.data.digest)
         return self._runs / f"{method}-{seed}-{key}"
-
-    def _config(self, method: Method) -> dict[str, Any]:
-        if method not in self._configs:
-            training = make_training(method, self.data, self.plan.budget, 0)
-            self._configs[method] = {**training.trainer.config.to_dict(), "training": asdict(training.config)}
-        return self._configs[method]
 
 
 def run_study(plan: StudyPlan, folder: Path, progress: Progress) -> dict[str, Any]:

@@ -12,10 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import link_frames
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
-from msrd_ros.robots.sawyer import JOINT_COUNT
-from msrd_ros.robots.sawyer_description import BLADE_CENTRE_BEYOND_FLANGE_M, BLADE_RADIUS_M
 from msrd_ros.table_tennis.ball.scene import Table
 from msrd_ros.table_tennis.ball.surfaces import box_gap
 
@@ -24,22 +22,6 @@ Array = NDArray[np.float64]
 MARGIN_M = 0.03
 """Kept free between arm and obstacles."""
 
-_SPHERES = (
-    # link, centre in its frame, radius
-    (2, (0.0, 0.01, 0.26), 0.085),
-    (3, (0.0, 0.0, -0.1265), 0.078),
-    (4, (0.0, 0.0, 0.02), 0.062),
-    (4, (0.0, 0.0, 0.14), 0.055),
-    (4, (0.0, -0.015, 0.275), 0.072),
-    (5, (0.0, 0.0, 0.1053), 0.066),
-    (5, (0.0, -0.08, 0.1053), 0.052),
-    (6, (0.0, 0.0, 0.0), 0.048),
-    (6, (0.0, 0.0, 0.10), 0.040),
-    (6, (0.0, 0.0, BLADE_CENTRE_BEYOND_FLANGE_M), BLADE_RADIUS_M + 0.004),
-)
-_LINK = np.array([sphere[0] for sphere in _SPHERES])
-_CENTRE = np.array([sphere[1] for sphere in _SPHERES])
-_RADIUS = np.array([sphere[2] for sphere in _SPHERES])
 _SAMPLES = 4
 """Of the braking path."""
 
@@ -57,13 +39,14 @@ def obstacle(table: Table) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def clearance(joint_position: Array, table: Array) -> float:
-    """Least distance in m between the arm at `joint_position` (7,) and table (`obstacle`) or floor."""
-    origins, rotations = link_frames(joint_position)
+def clearance(arm: Arm, joint_position: Array, table: Array) -> float:
+    """Least distance in m between the arm at `joint_position` (N,) and table (`obstacle`) or floor."""
+    origins, rotations = link_frames(arm, joint_position)
+    links, centres, radii = arm[0].sphere_links, arm[0].sphere_centres, arm[0].sphere_radii
     least = math.inf
-    for sphere in range(len(_RADIUS)):
-        link = _LINK[sphere]
-        c0, c1, c2 = _CENTRE[sphere, 0], _CENTRE[sphere, 1], _CENTRE[sphere, 2]
+    for sphere in range(len(radii)):
+        link = links[sphere]
+        c0, c1, c2 = centres[sphere, 0], centres[sphere, 1], centres[sphere, 2]
         x = origins[link, 0] + rotations[link, 0, 0] * c0 + rotations[link, 0, 1] * c1
         y = origins[link, 1] + rotations[link, 1, 0] * c0 + rotations[link, 1, 1] * c1
         z = origins[link, 2] + rotations[link, 2, 0] * c0 + rotations[link, 2, 1] * c1
@@ -71,33 +54,69 @@ def clearance(joint_position: Array, table: Array) -> float:
         y += rotations[link, 1, 2] * c2
         z += rotations[link, 2, 2] * c2
         gap, _, _, _ = box_gap(x, y, z, table[0], table[1], table[2], table[3])
-        least = min(least, gap - _RADIUS[sphere], z - _RADIUS[sphere])
+        least = min(least, gap - radii[sphere], z - radii[sphere])
     return least
 
 
 @njit(cache=True, nogil=True)
-def braking_clearance(joint_position: Array, joint_velocity: Array, table: Array) -> float:
+def self_clearance(arm: Arm, joint_position: Array) -> float:
+    """Least distance in m between parts of the arm that must not meet, and of those to its stand.
+
+    Only the planner of strokes looks at it: between planned strokes the arm does not come near itself.
+    """
+    origins, rotations = link_frames(arm, joint_position)
+    links, centres, radii = arm[0].sphere_links, arm[0].sphere_centres, arm[0].sphere_radii
+    stand, apart = arm[0].stand, arm[0].apart
+    places = np.empty((len(radii), 3))
+    for sphere in range(len(radii)):
+        link = links[sphere]
+        for row in range(3):
+            places[sphere, row] = (
+                origins[link, row]
+                + rotations[link, row, 0] * centres[sphere, 0]
+                + rotations[link, row, 1] * centres[sphere, 1]
+                + rotations[link, row, 2] * centres[sphere, 2]
+            )
+    least = math.inf
+    for pair in range(len(apart)):
+        one, other = apart[pair, 0], apart[pair, 1]
+        if one != other:
+            gap = np.sqrt(np.sum((places[one] - places[other]) ** 2)) - radii[one] - radii[other]
+            least = min(least, gap)
+    for sphere in range(len(radii)):
+        if links[sphere] >= 2:
+            for post in range(len(stand)):
+                gap = np.sqrt(np.sum((places[sphere] - stand[post, :3]) ** 2)) - radii[sphere]
+                least = min(least, gap - stand[post, 3])
+    return least
+
+
+@njit(cache=True, nogil=True)
+def braking_clearance(arm: Arm, joint_position: Array, joint_velocity: Array, table: Array) -> float:
     """Least clearance in m on the way on which all joints brake as hard as they may.
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     joint_position, joint_velocity
-        Where braking starts, shape (7,), rad and rad/s.
+        Where braking starts, shape (N,), rad and rad/s.
     table
         Of `obstacle`.
     """
+    count, limits = len(arm[0].speed), arm[0].acceleration
     longest = 0.0
-    for joint in range(JOINT_COUNT):
-        longest = max(longest, abs(joint_velocity[joint]) / ACCELERATION_LIMIT_RAD_S2[joint])
+    for joint in range(count):
+        longest = max(longest, abs(joint_velocity[joint]) / limits[joint])
     least = math.inf
-    joints = np.empty(JOINT_COUNT)
+    joints = np.empty(count)
     for sample in range(1, _SAMPLES + 1):
         time = longest * sample / _SAMPLES
-        for joint in range(JOINT_COUNT):
-            speed, limit = joint_velocity[joint], ACCELERATION_LIMIT_RAD_S2[joint]
+        for joint in range(count):
+            speed, limit = joint_velocity[joint], limits[joint]
             braked = min(time, abs(speed) / limit)
             joints[joint] = (
                 joint_position[joint] + speed * braked - math.copysign(0.5 * limit * braked * braked, speed)
             )
-        least = min(least, clearance(joints, table))
+        least = min(least, clearance(arm, joints, table))
     return least

@@ -8,21 +8,16 @@ torque limits. When a command is used up, the reference decelerates to a hold.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.dynamics import (
-    GRAVITY_M_S2,
-    JOINT_FRICTION_NM_S,
-    inverse_dynamics,
-    inverse_dynamics_into,
-)
-from msrd_ros.robots.limits import HIGHEST_RAD, LOWEST_RAD, JointReference
-from msrd_ros.robots.sawyer import JOINT_COUNT, JOINT_NAMES, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
+from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.dynamics import GRAVITY_M_S2, inverse_dynamics, inverse_dynamics_into
+from msrd_ros.robots.limits import JointReference
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.arm.collision_model import obstacle
 from msrd_ros.table_tennis.arm.reference import move_reference
 from msrd_ros.table_tennis.ball.scene import Table
@@ -37,25 +32,9 @@ MOVES, STANDS, BLOCKED = 0, 1, 2
 """What `drive` says of the reference."""
 
 
-@dataclass(frozen=True)
-class DriverGains:
-    """RecoveryLabel of tracking errors as accelerations, so that every joint is equally stiff.
-
-    Attributes
-    ----------
-    stiffness_1_s2, damping_1_s
-        Per rad of error and per rad/s; critically damped by default.
-    catch_up_1_s
-        How fast a reference that the limits held back closes up to the commanded curve.
-    """
-
-    stiffness_1_s2: float = 10_000.0
-    damping_1_s: float = 200.0
-    catch_up_1_s: float = 50.0
-
-
 @njit(cache=True, nogil=True)
 def computed_torque(
+    arm: Arm,
     measured_position: Array,
     measured_velocity: Array,
     before: Array,
@@ -66,7 +45,7 @@ def computed_torque(
     damping: float,
     torque: Array,
 ) -> None:
-    """Write the joint torques (7,) in Nm that follow the reference into `torque`, within the limits.
+    """Write the joint torques (N,) in Nm that follow the reference into `torque`, within the limits.
 
     The measured velocity is the one that carried the joints through the last step, as Bullet integrates;
     so it is held against the reference's mean velocity over that step.
@@ -74,16 +53,17 @@ def computed_torque(
     Parameters
     ----------
     measured_position, measured_velocity
-        State of the joints now, shape (7,), rad and rad/s.
+        State of the joints now, shape (N,), rad and rad/s.
     before, now, ahead
-        Reference positions one step ago, now and one step ahead, shape (7,), rad.
+        Reference positions one step ago, now and one step ahead, shape (N,), rad.
     step
         Seconds.
     stiffness, damping
         Gains, 1/s^2 and 1/s.
     """
-    wanted = np.empty(JOINT_COUNT)
-    for joint in range(JOINT_COUNT):
+    count, friction, torque_limit = len(arm[0].speed), arm[0].friction, arm[0].torque
+    wanted = np.empty(count)
+    for joint in range(count):
         last = (now[joint] - before[joint]) / step
         coming = (ahead[joint] - now[joint]) / step
         change = (
@@ -92,30 +72,31 @@ def computed_torque(
             + damping * (last - measured_velocity[joint])
         )
         # The correction may not carry a joint over its speed limit either.
-        limit = SPEED_LIMIT_RAD_S[joint]
+        limit = arm[0].speed[joint]
         highest = (limit - measured_velocity[joint]) / step
         lowest = (-limit - measured_velocity[joint]) / step
         wanted[joint] = min(max(change, lowest), highest)
-    inverse_dynamics_into(measured_position, measured_velocity, wanted, GRAVITY_M_S2, torque)
-    needed = JOINT_FRICTION_NM_S * measured_velocity
+    inverse_dynamics_into(arm, measured_position, measured_velocity, wanted, GRAVITY_M_S2, torque)
+    needed = friction * measured_velocity
     needed += torque
-    if np.any(np.abs(needed) > TORQUE_LIMIT_NM):
-        _spread(measured_position, measured_velocity, needed)
-    torque[:] = np.minimum(np.maximum(needed, -TORQUE_LIMIT_NM), TORQUE_LIMIT_NM)
+    if np.any(np.abs(needed) > torque_limit):
+        _spread(arm, measured_position, measured_velocity, needed)
+    torque[:] = np.minimum(np.maximum(needed, -torque_limit), torque_limit)
 
 
 @njit(cache=True, nogil=True)
-def _spread(position: Array, velocity: Array, torque: Array) -> None:
-    """Scale down, in place, what `torque` (7,) spends on accelerating, until the limits allow it.
+def _spread(arm: Arm, position: Array, velocity: Array, torque: Array) -> None:
+    """Scale down, in place, what `torque` (N,) spends on accelerating, until the limits allow it.
 
     All joints then accelerate by the same share of what was wanted. If only the saturated ones gave less,
     the reaction of the others would make them run away.
     """
-    bias = inverse_dynamics(position, velocity, np.zeros(JOINT_COUNT)) + JOINT_FRICTION_NM_S * velocity
+    count, torque_limit = len(arm[0].speed), arm[0].torque
+    bias = inverse_dynamics(arm, position, velocity, np.zeros(count)) + arm[0].friction * velocity
     share = 1.0
-    for joint in range(JOINT_COUNT):
+    for joint in range(count):
         effort = torque[joint] - bias[joint]
-        room = TORQUE_LIMIT_NM[joint] - math.copysign(bias[joint], effort * bias[joint])
+        room = torque_limit[joint] - math.copysign(bias[joint], effort * bias[joint])
         if abs(effort) * share > room:
             share = max(room, 0.0) / abs(effort)
     torque[:] = bias + share * (torque - bias)
@@ -123,6 +104,7 @@ def _spread(position: Array, velocity: Array, torque: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def drive(
+    arm: Arm,
     measured_position: Array,
     measured_velocity: Array,
     before: Array,
@@ -141,15 +123,15 @@ def drive(
     Parameters
     ----------
     measured_position, measured_velocity
-        Shape (7,).
+        Shape (N,).
     before
-        Reference position one step ago, shape (7,); changed.
+        Reference position one step ago, shape (N,); changed.
     state, command, elapsed, period, step, table, carefree
         As of `move_reference`.
     gains
         Stiffness, damping, catch-up, shape (3,).
     torque
-        Written, shape (7,).
+        Written, shape (N,).
 
     Returns
     -------
@@ -157,12 +139,13 @@ def drive(
         `MOVES`, `STANDS` if the reference stood still, or `BLOCKED`, and nothing was done, if the arm is far
         from its reference.
     """
-    for joint in range(JOINT_COUNT):
+    for joint in range(len(measured_position)):
         if abs(state[0, joint] - measured_position[joint]) > FOLLOWING_ERROR_RAD:
             return BLOCKED
     now = state[0].copy()
-    move_reference(state, command, elapsed, period, step, gains[2], table, carefree)
+    move_reference(arm, state, command, elapsed, period, step, gains[2], table, carefree)
     computed_torque(
+        arm,
         measured_position,
         measured_velocity,
         before,
@@ -183,23 +166,24 @@ class JointDriver:
 
     Parameters
     ----------
+    robot
+        Whose joints, of N.
     step_s
         Period of the torque loop.
     table
         To be kept clear of.
-    gains
-        Of the correction.
     """
 
-    def __init__(self, step_s: float, table: Table, gains: DriverGains | None = None) -> None:
-        gains = gains or DriverGains()
+    def __init__(self, robot: Robot, step_s: float, table: Table) -> None:
+        self._robot = robot
+        count, gains = robot.joint_count, robot.driver
         self._gains = np.array([gains.stiffness_1_s2, gains.damping_1_s, gains.catch_up_1_s])
         self._step_s = step_s
         self._table = obstacle(table)
         self._carefree = np.zeros(1)
-        self._before = np.zeros(JOINT_COUNT)
-        self._state = np.zeros((2, JOINT_COUNT))
-        self._command = np.zeros((4, JOINT_COUNT))
+        self._before = np.zeros(count)
+        self._state = np.zeros((2, count))
+        self._command = np.zeros((4, count))
         self._steps_left = 0
         self._steps = 1
         self.reference_rests = True
@@ -210,11 +194,12 @@ class JointDriver:
         return JointReference(self._state[0].copy(), self._state[1].copy())
 
     def hold_at(self, position: Array, velocity: Array | None = None) -> None:
-        """Forget any command; the reference is at `position` (7,), and comes to rest if it moves."""
+        """Forget any command; the reference is at `position` (N,), and comes to rest if it moves."""
         self._before[:] = self._state[0] = position
         self._state[1] = 0.0
         if velocity is not None:
-            self._state[1] = np.clip(velocity, -SPEED_LIMIT_RAD_S, SPEED_LIMIT_RAD_S)
+            fastest = self._robot.limits.speed_rad_s
+            self._state[1] = np.clip(velocity, -fastest, fastest)
             self._before -= self._step_s * self._state[1]
         self._steps_left = 0
         self._carefree[0] = 0.0
@@ -230,13 +215,14 @@ class JointDriver:
         UserError
             If a number is not finite (the message names the joint), or the period is not positive.
         """
-        goal = np.array([position, velocity], dtype=np.float64).reshape(2, JOINT_COUNT)
+        limits = self._robot.limits
+        goal = np.array([position, velocity], dtype=np.float64).reshape(2, self._robot.joint_count)
         if not np.isfinite(goal).all():
-            joint = JOINT_NAMES[int(np.argwhere(~np.isfinite(goal))[0][1])]
+            joint = self._robot.joint_names[int(np.argwhere(~np.isfinite(goal))[0][1])]
             raise UserError(f"command for joint {joint} is not a finite number; the command is ignored")
         steps = round(period_s / self._step_s) if np.isfinite(period_s) else 0
-        goal[0].clip(LOWEST_RAD, HIGHEST_RAD, out=goal[0])
-        goal[1].clip(-SPEED_LIMIT_RAD_S, SPEED_LIMIT_RAD_S, out=goal[1])
+        goal[0].clip(limits.lowest_rad, limits.highest_rad, out=goal[0])
+        goal[1].clip(-limits.speed_rad_s, limits.speed_rad_s, out=goal[1])
         if steps < 1:
             raise UserError(f"command period is {period_s} s; send at least {self._step_s} s")
         if self.reference_rests and np.array_equal(goal, self._state):
@@ -247,7 +233,7 @@ class JointDriver:
         self.reference_rests = False
 
     def torque(self, position: Array, velocity: Array, torque: Array) -> None:
-        """Write the torques (7,) for the coming step, given the measured state (7,), into `torque`."""
+        """Write the torques (N,) for the coming step, given the measured state (N,), into `torque`."""
         if self._drive(position, velocity, torque) == BLOCKED:
             # Something is in the way: start anew from where the arm is, as a colliding robot stops.
             self.hold_at(position, velocity)
@@ -256,6 +242,7 @@ class JointDriver:
     def _drive(self, position: Array, velocity: Array, torque: Array) -> int:
         done = self._steps - self._steps_left + 1 if self._steps_left else self._steps + 1
         result: int = drive(
+            self._robot.model,
             position,
             velocity,
             self._before,

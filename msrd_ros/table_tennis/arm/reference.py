@@ -12,13 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.robots.limits import (
-    ACCELERATION_LIMIT_RAD_S2,
-    HIGHEST_RAD,
-    LOWEST_RAD,
-    next_velocity,
-)
-from msrd_ros.robots.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S
+from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.limits import next_velocity
 from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, braking_clearance
 
 Array = NDArray[np.float64]
@@ -68,17 +63,17 @@ def curve_velocity(
 
 
 @njit(cache=True, nogil=True)
-def _take(position: Array, velocity: Array, wanted: Array, step: float, ahead: Array) -> None:
-    """Write the state one step ahead, (2, 7), that comes nearest to the `wanted` velocities (7,)."""
-    for joint in range(JOINT_COUNT):
+def _take(arm: Arm, position: Array, velocity: Array, wanted: Array, step: float, ahead: Array) -> None:
+    """Write the state one step ahead, (2, N), that comes nearest to the `wanted` velocities (N,)."""
+    for joint in range(len(arm[0].speed)):
         faster = next_velocity(
             position[joint],
             velocity[joint],
             wanted[joint],
-            LOWEST_RAD[joint],
-            HIGHEST_RAD[joint],
-            SPEED_LIMIT_RAD_S[joint],
-            ACCELERATION_LIMIT_RAD_S2[joint],
+            arm[0].lowest[joint],
+            arm[0].highest[joint],
+            arm[0].speed[joint],
+            arm[0].acceleration[joint],
             step,
         )
         ahead[0, joint] = position[joint] + 0.5 * (velocity[joint] + faster) * step
@@ -88,7 +83,7 @@ def _take(position: Array, velocity: Array, wanted: Array, step: float, ahead: A
 @njit(cache=True, nogil=True)
 def _land(ahead: Array, goal: Array) -> None:
     """Take rounding away at the end of a command that was followed to the end."""
-    for joint in range(JOINT_COUNT):
+    for joint in range(len(goal[0])):
         near = abs(ahead[0, joint] - goal[0, joint]) < _ARRIVED
         if near and abs(ahead[1, joint] - goal[1, joint]) < _ARRIVED:
             ahead[0, joint], ahead[1, joint] = goal[0, joint], goal[1, joint]
@@ -96,6 +91,7 @@ def _land(ahead: Array, goal: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def move_reference(
+    arm: Arm,
     state: Array,
     command: Array,
     elapsed: float,
@@ -109,10 +105,12 @@ def move_reference(
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     state
-        Position and velocity of the reference, shape (2, 7), rad and rad/s; changed.
+        Position and velocity of the reference, shape (2, N), rad and rad/s; changed.
     command
-        Start position, start velocity, goal position, goal velocity, shape (4, 7).
+        Start position, start velocity, goal position, goal velocity, shape (4, N).
     elapsed
         Since the command's start, at the end of this step, s. Past `period` the reference comes to rest.
     period, step
@@ -120,15 +118,16 @@ def move_reference(
     catch_up
         See `curve_velocity`.
     table
-        Of `keep_out.obstacle`.
+        Of `collision_model.obstacle`.
     carefree
         Steps until the way ahead has to be looked at again, shape (1,); changed, zero to begin with.
     """
-    wanted = np.zeros(JOINT_COUNT)
+    count = len(arm[0].speed)
+    wanted = np.zeros(count)
     active = elapsed <= period + 0.5 * step
     share = min(elapsed / period, 1.0)
     if active:
-        for joint in range(JOINT_COUNT):
+        for joint in range(count):
             wanted[joint] = curve_velocity(
                 state[0, joint],
                 state[1, joint],
@@ -141,20 +140,20 @@ def move_reference(
                 step,
                 catch_up,
             )
-    ahead = np.empty((2, JOINT_COUNT))
-    _take(state[0], state[1], wanted, step, ahead)
+    ahead = np.empty((2, count))
+    _take(arm, state[0], state[1], wanted, step, ahead)
     if active and share == 1.0:
         _land(ahead, command[2:])
     if carefree[0] > 0.0:
         carefree[0] -= 1.0
     else:
-        room = braking_clearance(ahead[0], ahead[1], table)
+        room = braking_clearance(arm, ahead[0], ahead[1], table)
         if room > _CAREFREE_M:
             carefree[0] = _CAREFREE_STEPS
         elif room < MARGIN_M:
-            braked = np.empty((2, JOINT_COUNT))
-            _take(state[0], state[1], np.zeros(JOINT_COUNT), step, braked)
+            braked = np.empty((2, count))
+            _take(arm, state[0], state[1], np.zeros(count), step, braked)
             # Within the margin, any way that leads out is better than staying.
-            if room <= braking_clearance(braked[0], braked[1], table):
+            if room <= braking_clearance(arm, braked[0], braked[1], table):
                 ahead = braked
     state[:] = ahead

@@ -12,14 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.robots.limits import (
-    HIGHEST_RAD,
-    LOWEST_RAD,
-    JointReference,
-    shape_command,
-    velocity_towards,
-)
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
+from msrd_ros.robots.limits import JointReference, shape_command, velocity_towards
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, clearance, obstacle
 from msrd_ros.table_tennis.ball.scene import Table
 
@@ -37,26 +31,28 @@ _TABLE = obstacle(Table())
 
 
 def follow_path(
-    reference: JointReference, path: Sequence[Pose], goal: Pose, period_s: float
+    robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose, period_s: float
 ) -> tuple[JointReference, Sequence[Pose]]:
     """Next reference on the path past the poses of `path` to `goal`, and what is left of the path."""
     target = path[0] if path else goal
-    moved = shape_command(reference, velocity_towards(reference, target, period_s), period_s)
+    moved = shape_command(robot, reference, velocity_towards(robot, reference, target, period_s), period_s)
     passed = path and np.abs(moved.position - target).max() < PASSING_TOLERANCE_RAD
     return moved, path[1:] if passed else path
 
 
-def find_path(reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) -> list[Pose]:
+def find_path(robot: Robot, reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) -> list[Pose]:
     """Poses to pass between a reference and `goal`, best none.
 
     Parameters
     ----------
+    robot
+        Whose arm, of N joints.
     reference
         Where the arm is, and how it moves.
     goal
-        Where it shall come to rest, shape (7,), rad.
+        Where it shall come to rest, shape (N,), rad.
     known
-        Poses that may be worth passing, shape (7,) each: such as where the stroke began.
+        Poses that may be worth passing, shape (N,) each: such as where the stroke began.
 
     Returns
     -------
@@ -65,8 +61,8 @@ def find_path(reference: JointReference, goal: Pose, known: Sequence[Pose] = ())
     """
     best: list[Pose] = []
     best_m = -np.inf
-    for path in _paths(reference.position, goal, known):
-        least_m = _least_clearance(reference, path, goal)
+    for path in _paths(robot, reference.position, goal, known):
+        least_m = _least_clearance(robot, reference, path, goal)
         if least_m > best_m:
             best, best_m = path, least_m
         if best_m > _ENOUGH_M:
@@ -74,35 +70,37 @@ def find_path(reference: JointReference, goal: Pose, known: Sequence[Pose] = ())
     return best
 
 
-def _paths(start: Pose, goal: Pose, known: Sequence[Pose]) -> Iterator[list[Pose]]:
+def _paths(robot: Robot, start: Pose, goal: Pose, known: Sequence[Pose]) -> Iterator[list[Pose]]:
     """Ways in the order in which they are tried."""
     yield []
     for pose in known:
         yield [pose]
     for lift in _LIFTS_RAD:
-        # The shoulder's pitch lifts all that is in front of it.
-        yield [_lifted(start, lift), _lifted(goal, lift)]
-    yield [HOME_POSTURE_RAD]
+        yield [_lifted(robot, start, lift), _lifted(robot, goal, lift)]
+    yield [robot.home_rad]
     for lift in _LIFTS_RAD:
-        yield [_lifted(start, lift), HOME_POSTURE_RAD]
+        yield [_lifted(robot, start, lift), robot.home_rad]
     for pose in known:
-        yield [pose, HOME_POSTURE_RAD]
+        yield [pose, robot.home_rad]
 
 
-def _lifted(pose: Pose, lift: float) -> Pose:
+def _lifted(robot: Robot, pose: Pose, lift: float) -> Pose:
+    joint, direction = robot.lift
     lifted = pose.copy()
-    lifted[1] -= lift
-    return np.clip(lifted, LOWEST_RAD, HIGHEST_RAD)
+    lifted[joint] += direction * lift
+    return np.clip(lifted, robot.limits.lowest_rad, robot.limits.highest_rad)
 
 
-def _least_clearance(reference: JointReference, path: Sequence[Pose], goal: Pose) -> float:
+def _least_clearance(robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose) -> float:
     """Least clearance in m after any period on the path; of a goal that is not reached in time, -inf."""
     # Nobody can help where the arm is now or that the goal is where it is.
-    fixed_m = min(clearance(reference.position, _TABLE), clearance(goal, _TABLE)) - 1e-3
+    fixed_m = (
+        min(clearance(robot.model, reference.position, _TABLE), clearance(robot.model, goal, _TABLE)) - 1e-3
+    )
     least_m = np.inf
     for _ in range(round(_LONGEST_S / CONTROL_PERIOD_S)):
-        reference, path = follow_path(reference, path, goal, CONTROL_PERIOD_S)
-        least_m = min(least_m, clearance(reference.position, _TABLE))
+        reference, path = follow_path(robot, reference, path, goal, CONTROL_PERIOD_S)
+        least_m = min(least_m, clearance(robot.model, reference.position, _TABLE))
         if not path and np.abs(reference.position - goal).max() < _CLOSE_RAD:
             return least_m if least_m < fixed_m else np.inf
     return -np.inf

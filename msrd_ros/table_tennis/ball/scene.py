@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.sawyer_description import BLADE_RADIUS_M, BLADE_THICKNESS_M
+from msrd_ros.core.paddle import BLADE_RADIUS_M, BLADE_THICKNESS_M
 
 
 @dataclass(frozen=True)

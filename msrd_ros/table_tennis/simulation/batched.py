@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import (
     ACTING_STEPS,
-    ACTION_NAMES,
     CONTROL_PERIOD_S,
     FIRST_ACTING_STEP,
     HORIZON,
-    OBSERVATION_NAMES,
+    action_names,
+    observation_names,
     observe,
 )
-from msrd_ros.contract.labels import Side
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.limits import HIGHEST_RAD, LOWEST_RAD
-from msrd_ros.robots.sawyer import JOINT_COUNT
+from msrd_ros.robots.loading import default_robot
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feeder, FeedSpread
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, POSITION
 from msrd_ros.table_tennis.ball.referee import RETURNED, new_referees
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.batched_tick import advance_rallies, fly_on
+from msrd_ros.table_tennis.strategies.table import Side
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class RallyPlan:
     side
         Forehand or backhand.
     ready_position
-        Joint angles in rad, shape (7,).
+        Joint angles in rad, shape (N,).
     """
 
     side: Side
@@ -108,12 +108,13 @@ class RallyResults(NamedTuple):
 
 @dataclass(frozen=True)
 class KinematicRalliesConfig:
-    """Scene, feeder, variation, and how many threads share the work (the results do not depend on it)."""
+    """Robot, scene, feeder, variation; how many threads share the work (results do not depend on it)."""
 
     scene: Scene = field(default_factory=Scene)
     feeder: Feeder = field(default_factory=Feeder)
     variation: RallyVariation = field(default_factory=RallyVariation)
     threads: int = min(2, os.cpu_count() or 1)
+    robot: Robot = field(default_factory=default_robot)
 
 
 class KinematicRallies:
@@ -131,19 +132,20 @@ class KinematicRallies:
         The rest.
     """
 
-    observation_names = OBSERVATION_NAMES
-    action_names = ACTION_NAMES
     horizon = HORIZON - FIRST_ACTING_STEP
     acting_steps = ACTING_STEPS
 
     def __init__(self, plans: Sequence[RallyPlan], config: KinematicRalliesConfig | None = None) -> None:
         self.plans = tuple(plans)
         self.config = config or KinematicRalliesConfig()
+        robot = self.config.robot
+        self._joints = robot.joint_count
+        self.observation_names, self.action_names = observation_names(robot), action_names(robot)
         self._scene = self.config.scene.constants()
         self._pool = ThreadPoolExecutor(self.config.threads) if self.config.threads > 1 else None
 
     def reset(self, strategies: int, episodes: int, rng: np.random.Generator) -> Array:
-        """Start new rallies, drawn from the variation; observations (S, K, 13).
+        """Start new rallies, drawn from the variation; observations (S, K, N + 6).
 
         Raises
         ------
@@ -154,31 +156,31 @@ class KinematicRallies:
             raise UserError(
                 f"batched simulator: {strategies} strategies asked for, {len(self.plans)} planned"
             )
-        variation = self.config.variation
+        variation, limits = self.config.variation, self.config.robot.limits
         feeds = np.empty((strategies, episodes, BALL_SIZE))
-        ready = np.empty((strategies, episodes, JOINT_COUNT))
+        ready = np.empty((strategies, episodes, self._joints))
         for index, plan in enumerate(self.plans):
             feeds[index] = self.config.feeder.sample_states(plan.side, variation.feed_spread, episodes, rng)
-            offset = variation.ready_std_rad * rng.standard_normal((episodes, JOINT_COUNT))
+            offset = variation.ready_std_rad * rng.standard_normal((episodes, self._joints))
             ready[index] = plan.ready_position + offset
-        return self.start(feeds, np.clip(ready, LOWEST_RAD, HIGHEST_RAD), rng)
+        return self.start(feeds, np.clip(ready, limits.lowest_rad, limits.highest_rad), rng)
 
     def start(self, feeds: Array, ready_positions: Array, rng: np.random.Generator) -> Array:
-        """Start given rallies; observations (S, K, 13).
+        """Start given rallies; observations (S, K, N + 6).
 
         Parameters
         ----------
         feeds
             Launches, shape (S, K, 9).
         ready_positions
-            Where the arms wait, rad, shape (S, K, 7).
+            Where the arms wait, rad, shape (S, K, N).
         rng
             Of the camera's noise, from now until the next start.
         """
         self._shape = feeds.shape[:2]
         count = self._shape[0] * self._shape[1]
         self._balls = np.array(feeds, dtype=np.float64).reshape(count, BALL_SIZE)
-        self._positions = np.array(ready_positions, dtype=np.float64).reshape(count, JOINT_COUNT)
+        self._positions = np.array(ready_positions, dtype=np.float64).reshape(count, self._joints)
         self._velocities = np.zeros_like(self._positions)
         self._referees = new_referees(count)
         self._rng = rng
@@ -190,16 +192,16 @@ class KinematicRallies:
         self._seen = self._look()
         observation = np.empty(0)
         for _ in range(FIRST_ACTING_STEP):
-            observation = self._advance(np.zeros((count, JOINT_COUNT)))
+            observation = self._advance(np.zeros((count, self._joints)))
         return observation
 
     def step(self, action: NDArray[np.floating]) -> Array:
-        """Play one control tick; next observations (S, K, 13).
+        """Play one control tick; next observations (S, K, N + 6).
 
         Parameters
         ----------
         action
-            Joint velocities as fractions of the limits, shape (S, K, 7); beyond [-1, 1] they are clipped,
+            Joint velocities as fractions of the limits, shape (S, K, N); beyond [-1, 1] they are clipped,
             after `acting_steps` they count as zero.
 
         Raises
@@ -211,25 +213,25 @@ class KinematicRallies:
             raise UserError("batched simulator: an action is not a number; the policy's output is unusable")
         if self._tick >= FIRST_ACTING_STEP + self.acting_steps:
             action = np.zeros_like(action)
-        return self._advance(np.asarray(action, dtype=np.float64).reshape(-1, JOINT_COUNT))
+        return self._advance(np.asarray(action, dtype=np.float64).reshape(-1, self._joints))
 
     def play(self, actions: NDArray[np.floating]) -> Array:
-        """Play given actions (S, K, T, 7) from a fresh start to the horizon; observations (S, K, H, 13)."""
+        """Play actions (S, K, T, N) from a fresh start to the horizon; observations (S, K, H, N + 6)."""
         seen = []
         for step in range(self.horizon):
-            rest = np.zeros((*self._shape, JOINT_COUNT))
+            rest = np.zeros((*self._shape, self._joints))
             seen.append(self.step(actions[:, :, step] if step < actions.shape[2] else rest))
         return np.stack(seen, axis=2)
 
     @property
     def joint_position(self) -> Array:
-        """True joint angles, rad, shape (S, K, 7)."""
-        return self._positions.reshape(*self._shape, JOINT_COUNT).copy()
+        """True joint angles, rad, shape (S, K, N)."""
+        return self._positions.reshape(*self._shape, self._joints).copy()
 
     @property
     def joint_velocity(self) -> Array:
-        """True joint rates, rad/s, shape (S, K, 7)."""
-        return self._velocities.reshape(*self._shape, JOINT_COUNT).copy()
+        """True joint rates, rad/s, shape (S, K, N)."""
+        return self._velocities.reshape(*self._shape, self._joints).copy()
 
     @property
     def ball(self) -> Array:
@@ -270,6 +272,7 @@ class KinematicRallies:
     def _advance_part(self, first: int, last: int, actions: Array, time: float) -> None:
         part = slice(first, last)
         advance_rallies(
+            self.config.robot.model,
             self._positions[part],
             self._velocities[part],
             actions[part],

@@ -1,6 +1,6 @@
 """One control tick of one kinematic rally, compiled: the arm follows its command exactly, the ball flies.
 
-The command is shaped by the same scalar law as every other command (`motion_limits.next_velocity`), the
+The command is shaped by the same scalar law as every other command (`limits.next_velocity`), the
 ball moves by the same step as in Bullet (`step_ball`). What is left out is the arm's dynamics.
 """
 
@@ -10,14 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import place_moving_paddle, place_paddle
-from msrd_ros.robots.limits import (
-    ACCELERATION_LIMIT_RAD_S2,
-    HIGHEST_RAD,
-    LOWEST_RAD,
-    next_velocity,
-)
-from msrd_ros.robots.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S
+from msrd_ros.robots.limits import next_velocity
 from msrd_ros.table_tennis.ball.referee import IN_PLAY
 from msrd_ros.table_tennis.ball.step import step_ball
 from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE, PADDLE_SIZE
@@ -30,12 +25,10 @@ its error, jerk / 8 * step^2 in velocity, stays below 5 mm/s at the arm's limits
 _PADDLE_REACH_M = 0.6
 """A paddle further from the ball than this at a tick cannot meet it within the tick's 20 ms at 25 m/s."""
 
-_SPEED = SPEED_LIMIT_RAD_S.copy()
-_ACCELERATION = ACCELERATION_LIMIT_RAD_S2.copy()
-
 
 @njit(cache=True, nogil=True)
 def advance_rally(
+    arm: Arm,
     position: Array,
     velocity: Array,
     action: Array,
@@ -49,57 +42,60 @@ def advance_rally(
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     position, velocity
-        Commanded state of the joints, which the arm is in, shape (7,); rad, rad/s.
+        Commanded state of the joints, which the arm is in, shape (N,); rad, rad/s.
     action
-        Joint velocities asked for as fractions of the limits, shape (7,).
+        Joint velocities asked for as fractions of the limits, shape (N,).
     ball, referee, time, scene
         As in `step_ball`.
     period
         Control period, s.
     """
+    count, speed = len(arm[0].speed), arm[0].speed
     start_position, start_velocity = position.copy(), velocity.copy()
-    for joint in range(JOINT_COUNT):
-        wanted = min(max(action[joint], -1.0), 1.0) * _SPEED[joint]
+    for joint in range(count):
+        wanted = min(max(action[joint], -1.0), 1.0) * speed[joint]
         velocity[joint] = next_velocity(
             position[joint],
             velocity[joint],
             wanted,
-            LOWEST_RAD[joint],
-            HIGHEST_RAD[joint],
-            _SPEED[joint],
-            _ACCELERATION[joint],
+            arm[0].lowest[joint],
+            arm[0].highest[joint],
+            speed[joint],
+            arm[0].acceleration[joint],
             period,
         )
         position[joint] += 0.5 * (start_velocity[joint] + velocity[joint]) * period
     steps = round(period / BALL_STEP_S)
     step = period / steps
     before, after = np.empty(PADDLE_SIZE), np.empty(PADDLE_SIZE)
-    near = is_near(start_position, ball)
+    near = is_near(arm, start_position, ball)
     if not near:
         for index in range(steps):
             step_ball(ball, referee, NO_PADDLE, NO_PADDLE, time + index * step, step, scene)
         return
-    middle_position, middle_velocity = np.empty(JOINT_COUNT), np.empty(JOINT_COUNT)
-    place_moving_paddle(start_position, start_velocity, before)
+    middle_position, middle_velocity = np.empty(count), np.empty(count)
+    place_moving_paddle(arm, start_position, start_velocity, before)
     for index in range(steps):
         share = (index + 1) / steps
-        for joint in range(JOINT_COUNT):
+        for joint in range(count):
             change = share * (velocity[joint] - start_velocity[joint])
             middle_velocity[joint] = start_velocity[joint] + change
             middle_position[joint] = start_position[joint] + share * period * (
                 start_velocity[joint] + 0.5 * change
             )
-        place_moving_paddle(middle_position, middle_velocity, after)
+        place_moving_paddle(arm, middle_position, middle_velocity, after)
         step_ball(ball, referee, before, after, time + index * step, step, scene)
         before[:] = after
 
 
 @njit(cache=True, nogil=True)
-def is_near(position: Array, ball: Array) -> bool:
+def is_near(arm: Arm, position: Array, ball: Array) -> bool:
     """Whether the paddle may meet the ball within the tick."""
     centre, rotation = np.empty(3), np.empty((3, 3))
-    place_paddle(position, centre, rotation)
+    place_paddle(arm, position, centre, rotation)
     distance_squared = 0.0
     for axis in range(3):
         distance_squared += (ball[axis] - centre[axis]) ** 2
@@ -108,6 +104,7 @@ def is_near(position: Array, ball: Array) -> bool:
 
 @njit(cache=True, nogil=True)
 def advance_rallies(
+    arm: Arm,
     positions: Array,
     velocities: Array,
     actions: Array,
@@ -120,6 +117,7 @@ def advance_rallies(
     """`advance_rally` for each of N rallies: arrays of shape (N, ...), in place."""
     for index in range(len(balls)):
         advance_rally(
+            arm,
             positions[index],
             velocities[index],
             actions[index],

@@ -1,4 +1,4 @@
-"""The Sawyer arm as a body in PyBullet, moved by joint torques, with its limits enforced and counted."""
+"""The arm as a body in PyBullet, moved by joint torques, with its limits enforced and counted."""
 
 from __future__ import annotations
 
@@ -11,16 +11,8 @@ import pybullet
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.robots.dynamics import JOINT_FRICTION_NM_S
-from msrd_ros.robots.sawyer import (
-    JOINT_COUNT,
-    JOINT_NAMES,
-    POSITION_LOWER_RAD,
-    POSITION_UPPER_RAD,
-    SPEED_LIMIT_RAD_S,
-    TORQUE_LIMIT_NM,
-)
-from msrd_ros.robots.urdf import sawyer_urdf
+from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -38,7 +30,7 @@ class ArmConfig:
     mass_scale
         Factor on all masses and inertias.
     friction_scale
-        Factor on the joints' viscous friction, `JOINT_FRICTION_NM_S`.
+        Factor on the joints' viscous friction, that of its model.
     joint_friction_nm
         Dry friction of every joint, of which the model knows nothing; doubles the cost of a step.
     """
@@ -54,15 +46,23 @@ class LimitLog:
 
     Attributes
     ----------
+    arm
+        `Robot.model`, of N joints.
     speed_fraction, torque_fraction
-        Largest |speed| and |torque| of each joint as fractions of the limits, shape (7,).
+        Largest |speed| and |torque| of each joint as fractions of the limits, shape (N,).
     counts
         Samples, then samples over a limit of speed, position and torque, shape (4,).
     """
 
-    speed_fraction: Array = field(default_factory=lambda: np.zeros(JOINT_COUNT))
-    torque_fraction: Array = field(default_factory=lambda: np.zeros(JOINT_COUNT))
+    arm: Arm
+    speed_fraction: Array
+    torque_fraction: Array
     counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, dtype=np.int64))
+
+    @classmethod
+    def of(cls, robot: Robot) -> LimitLog:
+        """An empty log."""
+        return cls(robot.model, np.zeros(robot.joint_count), np.zeros(robot.joint_count))
 
     @property
     def samples(self) -> int:
@@ -91,12 +91,15 @@ class LimitLog:
         self.counts[:] = 0
 
     def note(self, position: Array, velocity: Array, torque: Array) -> None:
-        """Take in one sample, shape (7,) each."""
-        note_limits(position, velocity, torque, self.speed_fraction, self.torque_fraction, self.counts)
+        """Take in one sample, shape (N,) each."""
+        note_limits(
+            self.arm, position, velocity, torque, self.speed_fraction, self.torque_fraction, self.counts
+        )
 
 
 @njit(cache=True, nogil=True)
 def note_limits(
+    arm: Arm,
     position: Array,
     velocity: Array,
     torque: Array,
@@ -106,16 +109,16 @@ def note_limits(
 ) -> None:
     """Update the arrays of a `LimitLog` with one sample."""
     too_fast, too_far, too_strong = False, False, False
-    for joint in range(JOINT_COUNT):
-        speed = abs(velocity[joint]) / SPEED_LIMIT_RAD_S[joint]
-        effort = abs(torque[joint]) / TORQUE_LIMIT_NM[joint]
+    for joint in range(len(arm[0].speed)):
+        speed = abs(velocity[joint]) / arm[0].speed[joint]
+        effort = abs(torque[joint]) / arm[0].torque[joint]
         speed_fraction[joint] = max(speed_fraction[joint], speed)
         torque_fraction[joint] = max(torque_fraction[joint], effort)
         too_fast |= speed > 1.0 + SPEED_TOLERANCE
         too_strong |= effort > 1.0 + 1e-9
         too_far |= (
-            position[joint] < POSITION_LOWER_RAD[joint] - POSITION_TOLERANCE_RAD
-            or position[joint] > POSITION_UPPER_RAD[joint] + POSITION_TOLERANCE_RAD
+            position[joint] < arm[0].lower[joint] - POSITION_TOLERANCE_RAD
+            or position[joint] > arm[0].upper[joint] + POSITION_TOLERANCE_RAD
         )
     counts[0] += 1
     counts[1] += too_fast
@@ -130,22 +133,24 @@ class BulletArm:
     ----------
     client
         Of PyBullet.
+    robot
+        Which arm, of N joints.
     config
         Differences from the robot's model of itself.
 
     Attributes
     ----------
     position, velocity
-        State after the last step, shape (7,), rad and rad/s. Bullet moves each joint through a step with
+        State after the last step, shape (N,), rad and rad/s. Bullet moves each joint through a step with
         one velocity, so this is the mean velocity of the last step.
     """
 
-    def __init__(self, client: int, config: ArmConfig | None = None) -> None:
+    def __init__(self, client: int, robot: Robot, config: ArmConfig | None = None) -> None:
         config = config or ArmConfig()
         self._client = client
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "sawyer.urdf"
-            path.write_text(sawyer_urdf(config.mass_scale), encoding="utf-8")
+            path = Path(folder) / "robot.urdf"
+            path.write_text(robot.standing.text(config.mass_scale), encoding="utf-8")
             self.body: int = pybullet.loadURDF(
                 str(path),
                 useFixedBase=True,
@@ -156,39 +161,39 @@ class BulletArm:
         for index in range(pybullet.getNumJoints(self.body, physicsClientId=client)):
             info = pybullet.getJointInfo(self.body, index, physicsClientId=client)
             by_name[info[1].decode()] = index
-        self.joints: list[int] = [by_name[name] for name in JOINT_NAMES]
+        self.joints: list[int] = [by_name[name] for name in robot.joint_names]
         self.links: dict[str, int] = by_name
-        self._free_the_joints(config)
-        self.position: Array = np.zeros(JOINT_COUNT)
-        self.velocity: Array = np.zeros(JOINT_COUNT)
+        self._free_the_joints(config, robot.model[0]["friction"])
+        self.position: Array = np.zeros(robot.joint_count)
+        self.velocity: Array = np.zeros(robot.joint_count)
 
-    def _free_the_joints(self, config: ArmConfig) -> None:
+    def _free_the_joints(self, config: ArmConfig, friction: Array) -> None:
         # Bullet brakes every joint with a motor of its own and damps every link unless told not to.
         pybullet.setJointMotorControlArray(
             self.body,
             self.joints,
             pybullet.VELOCITY_CONTROL,
-            targetVelocities=[0.0] * JOINT_COUNT,
-            forces=[config.joint_friction_nm] * JOINT_COUNT,
+            targetVelocities=[0.0] * len(self.joints),
+            forces=[config.joint_friction_nm] * len(self.joints),
             physicsClientId=self._client,
         )
         pybullet.changeDynamics(
             self.body, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
         )
-        for joint, damping in zip(self.joints, JOINT_FRICTION_NM_S.tolist(), strict=True):
+        for joint, damping in zip(self.joints, friction.tolist(), strict=True):
             pybullet.changeDynamics(
                 self.body, joint, jointDamping=damping * config.friction_scale, physicsClientId=self._client
             )
 
     def place(self, position: Array) -> None:
-        """Put the joints at rest at `position` (7,) in rad, whatever they did before."""
+        """Put the joints at rest at `position` (N,) in rad, whatever they did before."""
         for joint, angle in zip(self.joints, position.tolist(), strict=True):
             pybullet.resetJointState(self.body, joint, angle, 0.0, physicsClientId=self._client)
         self.position[:] = position
         self.velocity[:] = 0.0
 
     def apply(self, torque: Array) -> None:
-        """Let torques (7,) in Nm act on the joints during the next step."""
+        """Let torques (N,) in Nm act on the joints during the next step."""
         pybullet.setJointMotorControlArray(
             self.body,
             self.joints,

@@ -18,9 +18,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from msrd_ros.robots.dynamics import JOINT_FRICTION_NM_S, inverse_dynamics, mass_matrix
+from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.dynamics import inverse_dynamics, mass_matrix
 from msrd_ros.robots.kinematics import paddle_jacobian
-from msrd_ros.robots.sawyer import JOINT_COUNT, SPEED_LIMIT_RAD_S, TORQUE_LIMIT_NM
 from msrd_ros.robots.velocity_limiter import brake_torques
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class Grip(NamedTuple):
 class Floating(NamedTuple):
     """How the arm gives way.
 
-    Damping of each joint (7,) in Nm s, and the shares of the speed limits where brakes begin
+    Damping of each joint (N,) in Nm s, and the shares of the speed limits where brakes begin
     and are fully on.
     """
 
@@ -64,6 +64,7 @@ def _share(x: float, y: float, z: float, most: float) -> float:
 
 @njit(cache=True, nogil=True)
 def float_step(
+    arm: Arm,
     position: Array,
     velocity: Array,
     lead: Array,
@@ -80,8 +81,10 @@ def float_step(
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     position, velocity
-        Of the joints, shape (7,), rad and rad/s.
+        Of the joints, shape (N,), rad and rad/s.
     lead
         From the paddle to where the hand will be at the end of the step, shape (6,): m, then a turn in rad.
     twist
@@ -93,16 +96,17 @@ def float_step(
     step
         Seconds.
     motor, outside
-        Written, shape (7,) each, Nm. The motors' are within the torque limits.
+        Written, shape (N,) each, Nm. The motors' are within the torque limits.
     """
-    carry = inverse_dynamics(position, velocity, np.zeros(JOINT_COUNT)) + JOINT_FRICTION_NM_S * velocity
-    inertia = mass_matrix(position)
-    jacobian = paddle_jacobian(position)
+    count, torque_limit = len(arm[0].speed), arm[0].torque
+    carry = inverse_dynamics(arm, position, velocity, np.zeros(count)) + arm[0].friction * velocity
+    inertia = mass_matrix(arm, position)
+    jacobian = paddle_jacobian(arm, position)
     damping = floating.damping
     force_share = torque_share = 1.0
     coming: Array = velocity.copy()
-    mobility: Array = np.empty((JOINT_COUNT, JOINT_COUNT))
-    brake = np.zeros(JOINT_COUNT)
+    mobility: Array = np.empty((count, count))
+    brake = np.zeros(count)
     wrench = np.zeros(6)
     for attempt in range(_GIVE_WAY + 1):
         for _ in range(3):
@@ -110,7 +114,7 @@ def float_step(
             resistance = _shared(grip.damping, force_share, torque_share)
             pull = jacobian.T * (step * stiffness + resistance)
             heavy = inertia + step * (pull @ jacobian)
-            for joint in range(JOINT_COUNT):
+            for joint in range(count):
                 heavy[joint, joint] += step * damping[joint]
             mobility[:] = step * np.linalg.inv(heavy)
             drive = jacobian.T @ (stiffness * lead + resistance * twist)
@@ -123,9 +127,9 @@ def float_step(
             torque_share *= torque
             if force > 0.999 and torque > 0.999:
                 break
-        brake = brake_torques(coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
+        brake = brake_torques(arm, coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
         wrench = _wrench(jacobian @ coming, lead, twist, stiffness, resistance, step)
-        if np.all(np.abs(coming) <= _TOO_FAST * SPEED_LIMIT_RAD_S):
+        if np.all(np.abs(coming) <= _TOO_FAST * arm[0].speed):
             break
         keep = 0.5 if attempt < _GIVE_WAY - 1 else 0.0
         force_share, torque_share = keep * force_share, keep * torque_share
@@ -133,7 +137,7 @@ def float_step(
     wrench[3:] *= _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
     outside[:] = jacobian.T @ wrench
     wanted = carry - damping * coming + brake
-    motor[:] = np.minimum(np.maximum(wanted, -TORQUE_LIMIT_NM), TORQUE_LIMIT_NM)
+    motor[:] = np.minimum(np.maximum(wanted, -torque_limit), torque_limit)
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.robots.limits import JointReference
-from msrd_ros.robots.sawyer_description import BASE_POSITION
 from msrd_ros.table_tennis.ball.feeder import Feed
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE, PADDLE_SIZE
@@ -25,14 +24,14 @@ from msrd_ros.table_tennis.simulation.bullet_scene import BulletScene, connect_b
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.simulation.played_ball import PlayedBall
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
-from msrd_ros.table_tennis.simulation.robot import STEP_S, PaddlePose, Robot
+from msrd_ros.table_tennis.simulation.robot import STEP_S, PaddlePose, SimulatedRobot
 
 __all__ = ["Rally", "RallyConfig"]
 
 Array = NDArray[np.float64]
 
-_FARTHEST_HIT_X_M = BASE_POSITION[0] + 1.6
-"""No blade reaches a ball beyond: shoulder, stretched arm and paddle end 0.2 m before."""
+_REACH_MARGIN_M = 0.1
+"""A ball so much farther away than the arm can reach is flown without looking at the paddle."""
 
 
 class Rally:
@@ -54,8 +53,9 @@ class Rally:
             fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
         )
         self._scene = BulletScene(self._client, config.scene, visible=gui)
-        self._robot = Robot(self._client, config)
+        self._robot = SimulatedRobot(self._client, config)
         self._ball = PlayedBall(config.scene, STEP_S, config.shortest_s, config.longest_s)
+        self._farthest_hit_x_m = config.robot.shoulder[0] + config.robot.reach_m + _REACH_MARGIN_M
         self._steps = 0
         self._paddle_before: Array = np.empty(PADDLE_SIZE)
         self._paddle_after: Array = np.empty(PADDLE_SIZE)
@@ -91,17 +91,17 @@ class Rally:
 
     @property
     def joint_position(self) -> Array:
-        """Measured joint angles, shape (7,), rad."""
+        """Measured joint angles, shape (N,), rad."""
         return self._robot.joint_position
 
     @property
     def joint_velocity(self) -> Array:
-        """Measured joint rates (mean over the last millisecond), shape (7,), rad/s."""
+        """Measured joint rates (mean over the last millisecond), shape (N,), rad/s."""
         return self._robot.joint_velocity
 
     @property
     def joint_effort(self) -> Array:
-        """Torques of the motors in the last step, shape (7,), Nm."""
+        """Torques of the motors in the last step, shape (N,), Nm."""
         return self._robot.joint_effort
 
     @property
@@ -120,7 +120,7 @@ class Rally:
         return self._robot.paddle
 
     def reset(self, joint_position: Array) -> None:
-        """Put the arm at rest at `joint_position` (7,) in rad; a ball in play is taken away undecided.
+        """Put the arm at rest at `joint_position` (N,) in rad; a ball in play is taken away undecided.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class Rally:
         Parameters
         ----------
         position, velocity
-            Shape (7,), rad and rad/s.
+            Shape (N,), rad and rad/s.
         period_s
             Whole milliseconds, in seconds.
 
@@ -177,7 +177,7 @@ class Rally:
         Parameters
         ----------
         position, quaternion
-            Of the paddle: blade's centre (3,) in m, and x, y, z, w of `right_l6`.
+            Of the paddle: blade's centre (3,) in m, and x, y, z, w.
         velocity, angular_velocity
             Of that pose, shape (3,), m/s and rad/s, in `world`.
 
@@ -285,7 +285,7 @@ class Rally:
 
     def _step(self) -> None:
         ball = self._ball
-        within_reach = ball.in_play and ball.state[0] < _FARTHEST_HIT_X_M
+        within_reach = ball.in_play and ball.state[0] < self._farthest_hit_x_m
         if within_reach:
             self._robot.place_paddle(self._paddle_before)
         self._robot.step(self.time)

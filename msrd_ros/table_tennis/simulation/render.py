@@ -15,6 +15,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm
 from msrd_ros.table_tennis.simulation.bullet_scene import BulletScene
@@ -74,18 +75,20 @@ class FilmStudio:
 
     Parameters
     ----------
+    robot
+        Which arm, of N joints.
     scene
         Sizes of table, net and ball.
     style
         Of the pictures.
     """
 
-    def __init__(self, scene: Scene | None = None, style: FilmStyle | None = None) -> None:
+    def __init__(self, robot: Robot, scene: Scene | None = None, style: FilmStyle | None = None) -> None:
         self._scene = scene or Scene()
         self.style = style or FilmStyle()
         self._client: int = pybullet.connect(pybullet.DIRECT)
         BulletScene(self._client, self._scene, visible=True)
-        self._arm = BulletArm(self._client)
+        self._arm = BulletArm(self._client, robot)
         style = self.style
         self._view = pybullet.computeViewMatrix(style.eye, style.target, (0.0, 0.0, 1.0))
         self._lens = pybullet.computeProjectionMatrixFOV(
@@ -117,7 +120,7 @@ class FilmStudio:
         Parameters
         ----------
         joint_position
-            Shape (7,), rad.
+            Shape (N,), rad.
         ball_path
             The ball now (last row) and before, shape (N, 3), m; rows that are not finite are left out, an
             empty path is no ball.
@@ -236,6 +239,7 @@ class _Canvas:
 
 
 def film_frames(
+    robot: Robot,
     joint_positions: Array,
     ball_positions: Array,
     at: Sequence[int] | None = None,
@@ -247,8 +251,10 @@ def film_frames(
 
     Parameters
     ----------
+    robot
+        Which arm.
     joint_positions, ball_positions
-        Recorded at the same times, shapes (T, 7) in rad and (T, 3) in m.
+        Recorded at the same times, shapes (T, N) in rad and (T, 3) in m.
     at
         Which samples to draw; all by default. The trail runs through all samples before.
     scene, style
@@ -260,7 +266,7 @@ def film_frames(
         As many as `at` names.
     """
     wanted = range(len(joint_positions)) if at is None else at
-    with FilmStudio(scene, style) as studio:
+    with FilmStudio(robot, scene, style) as studio:
         return [studio.frame(joint_positions[index], ball_positions[: index + 1]) for index in wanted]
 
 

@@ -13,13 +13,6 @@ from msrd_ros.robots.dynamics import inverse_dynamics
 from msrd_ros.robots.kinematics import paddle_pose, place_moving_paddle
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.rotations import quaternion_from_rotation
-from msrd_ros.robots.sawyer import (
-    HOME_POSTURE_RAD,
-    JOINT_COUNT,
-    JOINT_NAMES,
-    POSITION_LOWER_RAD,
-    POSITION_UPPER_RAD,
-)
 from msrd_ros.table_tennis.arm.driver import JointDriver
 from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm, LimitLog
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
@@ -37,15 +30,15 @@ _REST_VELOCITY_RAD_S = 5e-3
 
 @dataclass(frozen=True)
 class PaddlePose:
-    """Where the blade is: centre (3,) in m, quaternion x, y, z, w of `right_l6` and rotation (3, 3)."""
+    """Where the blade is: centre (3,) in m, quaternion x, y, z, w and rotation (3, 3)."""
 
     position: Array
     quaternion: Array
     rotation: Array
 
 
-class Robot:
-    """Sawyer in a Bullet client.
+class SimulatedRobot:
+    """An arm in a Bullet client, with its driver and the hand that leads it.
 
     Parameters
     ----------
@@ -62,32 +55,34 @@ class Robot:
 
     def __init__(self, client: int, config: RallyConfig) -> None:
         self._client = client
-        self._arm = BulletArm(client, config.arm)
-        self._driver = JointDriver(STEP_S, config.scene.table, config.driver)
-        self._guidance = HandGuidance(config.guidance, STEP_S)
+        self._robot = robot = config.robot
+        self._arm = BulletArm(client, robot, config.arm)
+        self._driver = JointDriver(robot, STEP_S, config.scene.table)
+        self._guidance = HandGuidance(robot, config.guidance, STEP_S)
         self._teaching = False
         self._led = False
         self._resting = True
-        self._effort: Array = np.zeros(JOINT_COUNT)
-        self._total_torque: Array = np.zeros(JOINT_COUNT)
-        self.limits = LimitLog()
-        self.reset(HOME_POSTURE_RAD)
+        self._effort: Array = np.zeros(robot.joint_count)
+        self._total_torque: Array = np.zeros(robot.joint_count)
+        self.limits = LimitLog.of(robot)
+        self.reset(robot.home_rad)
 
     @property
     def joint_position(self) -> Array:
-        """Measured joint angles, shape (7,), rad."""
+        """Measured joint angles, shape (N,), rad."""
         return self._arm.position.copy()
 
     @property
     def joint_velocity(self) -> Array:
-        """Measured joint rates (mean over the last millisecond), shape (7,), rad/s."""
+        """Measured joint rates (mean over the last millisecond), shape (N,), rad/s."""
         return self._arm.velocity.copy()
 
     @property
     def joint_effort(self) -> Array:
-        """Torques of the motors in the last step, shape (7,), Nm."""
+        """Torques of the motors in the last step, shape (N,), Nm."""
         if self._resting:
-            return inverse_dynamics(self._arm.position, np.zeros(JOINT_COUNT), np.zeros(JOINT_COUNT))
+            still = np.zeros(self._robot.joint_count)
+            return inverse_dynamics(self._robot.model, self._arm.position, still, still)
         return self._effort.copy()
 
     @property
@@ -108,28 +103,29 @@ class Robot:
     @property
     def paddle(self) -> PaddlePose:
         """Pose of the paddle."""
-        position, rotation = paddle_pose(self._arm.position)
+        position, rotation = paddle_pose(self._robot.model, self._arm.position)
         return PaddlePose(position, quaternion_from_rotation(rotation), rotation)
 
     def place_paddle(self, paddle: Array) -> None:
         """Write pose and motion of the paddle, shape (12,), as in `surfaces`."""
-        place_moving_paddle(self._arm.position, self._arm.velocity, paddle)
+        place_moving_paddle(self._robot.model, self._arm.position, self._arm.velocity, paddle)
 
     def reset(self, joint_position: Array) -> None:
-        """Put the arm at rest at `joint_position` (7,) in rad; a hand lets go.
+        """Put the arm at rest at `joint_position` (N,) in rad; a hand lets go.
 
         Raises
         ------
         UserError
             If an angle is not finite or out of its limits; the message names the joint.
         """
-        angles = np.array(joint_position, dtype=np.float64).reshape(JOINT_COUNT)
-        inside = (angles >= POSITION_LOWER_RAD) & (angles <= POSITION_UPPER_RAD)
+        angles = np.array(joint_position, dtype=np.float64).reshape(self._robot.joint_count)
+        lower, upper = self._robot.limits.lower_rad, self._robot.limits.upper_rad
+        inside = (angles >= lower) & (angles <= upper)
         if not inside.all():
             joint = int(np.argmin(inside))
             raise UserError(
-                f"cannot place joint {JOINT_NAMES[joint]} at {angles[joint]} rad; stay within "
-                f"{POSITION_LOWER_RAD[joint]} to {POSITION_UPPER_RAD[joint]}"
+                f"cannot place joint {self._robot.joint_names[joint]} at {angles[joint]} rad; stay within "
+                f"{lower[joint]} to {upper[joint]}"
             )
         self.release_hand()
         self._led = False

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.robots.kinematics import paddle_pose
+from msrd_ros.robots.robot import Robot
 from msrd_ros.robots.rotations import rotation_from_quaternion, turn_between, turned
 from msrd_ros.table_tennis.simulation.gravity_compensation import Floating, Grip, float_step
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture, gesture_at
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GuidanceConfig:
-    """How firmly the hand holds the paddle, and how the arm gives way.
+    """How firmly the hand holds the paddle; how the arm gives way is the robot's (`FloatingModel`).
 
     Attributes
     ----------
@@ -33,12 +34,6 @@ class GuidanceConfig:
         Of the grip in translation.
     turn_stiffness_nm, turn_damping_nm_s, torque_limit_nm
         Of the grip in rotation, per rad and rad/s.
-    joint_damping_nm_s
-        Of each joint. The same damping for all joints would make the light wrist unstable.
-    brake_from
-        Share of its speed limit from which a joint is braked.
-    brake_full
-        Share of its speed limit at which the brake would use the joint's whole torque.
     hand_timeout_s
         A streamed hand that has not been heard of for so long has let go.
     """
@@ -49,16 +44,14 @@ class GuidanceConfig:
     turn_stiffness_nm: float = 40.0
     turn_damping_nm_s: float = 1.2
     torque_limit_nm: float = 12.0
-    joint_damping_nm_s: tuple[float, ...] = (4.0, 4.0, 2.0, 2.0, 0.3, 0.3, 0.1)
-    brake_from: float = 0.9
-    brake_full: float = 0.98
     hand_timeout_s: float = 0.1
 
 
 class HandGuidance:
     """The hand, while there is one, and the floating arm's answer to it."""
 
-    def __init__(self, config: GuidanceConfig, step_s: float) -> None:
+    def __init__(self, robot: Robot, config: GuidanceConfig, step_s: float) -> None:
+        self._robot = robot
         self._config = config
         self._step_s = step_s
         self._grip = Grip(
@@ -67,8 +60,9 @@ class HandGuidance:
             config.force_limit_n,
             config.torque_limit_nm,
         )
-        damping = np.array(config.joint_damping_nm_s)
-        self._floating = Floating(damping, config.brake_from, config.brake_full)
+        floating = robot.floating
+        damping = np.array(floating.joint_damping_nm_s)
+        self._floating = Floating(damping, floating.brake_from, floating.brake_full)
         self.leading = False
         self._start_s = 0.0
         self._times: Array = np.zeros(1)
@@ -109,11 +103,22 @@ class HandGuidance:
         return self.leading
 
     def torque(self, time_s: float, position: Array, velocity: Array, motor: Array, total: Array) -> None:
-        """Write the torques of an arm that is led: the motors', and their sum with the hand's, shape (7,)."""
+        """Write the torques of an arm that is led: the motors', and their sum with the hand's, shape (N,)."""
         centre, rotation, twist = self.target(time_s + self._step_s)
-        here, turned_here = paddle_pose(position)
+        here, turned_here = paddle_pose(self._robot.model, position)
         lead = np.empty(6)
         lead[:3] = centre - here
         lead[3:] = turn_between(turned_here, rotation)
-        float_step(position, velocity, lead, twist, self._grip, self._floating, self._step_s, motor, total)
+        float_step(
+            self._robot.model,
+            position,
+            velocity,
+            lead,
+            twist,
+            self._grip,
+            self._floating,
+            self._step_s,
+            motor,
+            total,
+        )
         total += motor

@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.translation import NANOSECONDS
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
 from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
+from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE
 
 EPOCH_NS = NANOSECONDS
 """Simulated time starts at one second: zero means "no time yet" in ROS."""
@@ -53,7 +53,7 @@ class Sample(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """What the robot's side learns once per tick: joints (7,) and the newest ball sample (3,), in SI."""
+    """What the robot's side learns once per tick: joints (N,) and the newest ball sample (3,), in SI."""
 
     time_ns: int
     joint_position: NDArray[np.float64]
@@ -77,9 +77,10 @@ def compile_ahead(config: RallyConfig) -> None:
     The first time after an installation this takes about a minute; from then on the compiled code is kept.
     """
     rally = Rally(config)
-    rally.reset(HOME_POSTURE_RAD)
-    rally.launch(Feeder().nominal(Side.FOREHAND))
-    rally.command(HOME_POSTURE_RAD, np.full(7, 0.01), 0.02)
+    home = config.robot.home_rad
+    rally.reset(home)
+    rally.launch(Feeder().nominal(DEFAULT_SIDE))
+    rally.command(home, np.full_like(home, 0.01), 0.02)
     rally.play_out()
     pose = rally.paddle
     rally.set_teach(True)
@@ -91,7 +92,7 @@ def compile_ahead(config: RallyConfig) -> None:
 
 
 class World:
-    """A Sawyer at a table with feeder, camera and referee.
+    """A robot at a table with feeder, camera and referee.
 
     Parameters
     ----------
@@ -111,11 +112,11 @@ class World:
         self._feeds: deque[tuple[Feed, int]] = deque()
         self._served: StrategyLabel | None = None
         self._label: StrategyLabel | None = None
-        self._waiting_ball = np.array(Feeder().nominal(Side.FOREHAND).position)
+        self._waiting_ball = np.array(Feeder().nominal(DEFAULT_SIDE).position)
         self._camera = Camera(config.camera, np.random.default_rng(config.seed))
         self._launch_ns = 0
         self._sample = Sample(EPOCH_NS, self._waiting_ball)
-        self.rally.reset(HOME_POSTURE_RAD)
+        self.rally.reset(config.rally.robot.home_rad)
 
     @property
     def time_ns(self) -> int:
@@ -192,7 +193,7 @@ class World:
         if self.rally.ball_in_play:
             self._finish(Outcome(self.rally.balls_launched - 1, False, MissReason.UNDECIDED))
         self._feeds.clear()
-        self.rally.reset(HOME_POSTURE_RAD)
+        self.rally.reset(self.config.rally.robot.home_rad)
 
     def advance(self, period_s: float) -> None:
         """Let time pass; a ball's outcome appears in `results` once its rally is over."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import Side
 from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.table_tennis.ball.estimator import PATH_PERIOD_S, EstimatorConfig, FlightEstimator
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import path_at
+from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE
 from msrd_ros.table_tennis.teachers.side import feed_path
 
 LEAST_MISFIT_M = 0.05
@@ -46,7 +46,7 @@ class BallFilter:
     def compile_ahead(cls) -> None:
         """Watch a made-up ball, so that nothing has to be compiled while a real one is flying."""
         ball_filter = cls(0.001)
-        for index, row in enumerate(feed_path(Feeder().nominal(Side.FOREHAND), Scene().constants())[:20]):
+        for index, row in enumerate(feed_path(Feeder().nominal(DEFAULT_SIDE), Scene().constants())[:20]):
             stamp_ns = round(index * PATH_PERIOD_S * NANOSECONDS)
             ball_filter.see(stamp_ns, stamp_ns, row[:3])
 

@@ -10,16 +10,12 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity, observe
 from msrd_ros.contract.translation import BallTracker
-from msrd_ros.robots.limits import (
-    HIGHEST_RAD,
-    LOWEST_RAD,
-    JointReference,
-    shape_command,
-)
+from msrd_ros.robots.limits import JointReference, shape_command
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Maps an observation (13,) to an action (7,)."""
+"""Maps an observation (N + 6,) to an action (N,)."""
 
 READY_TOLERANCE_RAD = 1e-5
 TRACKING_TOLERANCE_RAD = 0.25
@@ -45,23 +41,30 @@ class StrokePlayer:
 
     Parameters
     ----------
+    robot
+        Whose arm, of N joints.
     joint_position
-        Where the joints are now, shape (7,), rad.
+        Where the joints are now, shape (N,), rad.
     tracking_tolerance_rad
         A joint further than this from its command has strayed.
     """
 
     def __init__(
-        self, joint_position: NDArray[np.float64], tracking_tolerance_rad: float = TRACKING_TOLERANCE_RAD
+        self,
+        robot: Robot,
+        joint_position: NDArray[np.float64],
+        tracking_tolerance_rad: float = TRACKING_TOLERANCE_RAD,
     ) -> None:
-        self.reference = JointReference(joint_position.copy(), np.zeros(7))
+        self._robot = robot
+        self._rest = np.zeros(robot.joint_count)
+        self.reference = JointReference(joint_position.copy(), self._rest.copy())
         self.phase = Phase.READYING
         self.strokes_begun = 0
         self._tracking_tolerance_rad = tracking_tolerance_rad
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = joint_position.copy()
         self._began_at: tuple[NDArray[np.float64], ...] = ()
-        self._way: Sequence[NDArray[np.float64]] | None = ()
+        self._path: Sequence[NDArray[np.float64]] | None = ()
         self._ball = BallTracker()
         self._step = 0
 
@@ -88,14 +91,14 @@ class StrokePlayer:
         policy
             What to play; None lets balls through.
         ready_pose
-            Where to wait for the ball, shape (7,), rad; what lies outside the joints' limits is drawn in.
+            Where to wait for the ball, shape (N,), rad; what lies outside the joints' limits is drawn in.
         began_at
-            Where the arm's last stroke began, shape (7,), rad, if someone else led it.
+            Where the arm's last stroke began, shape (N,), rad, if someone else led it.
         """
         if began_at is not None:
             self._began_at = (began_at,)
         self._policy = policy
-        self._ready_pose = np.clip(ready_pose, LOWEST_RAD, HIGHEST_RAD)
+        self._ready_pose = np.clip(ready_pose, self._robot.limits.lowest_rad, self._robot.limits.highest_rad)
         self._set_out()
 
     def tick(
@@ -110,7 +113,7 @@ class StrokePlayer:
         Parameters
         ----------
         joint_position
-            As measured, shape (7,), rad.
+            As measured, shape (N,), rad.
         ball_position
             Newest camera sample, shape (3,), m.
         ball_stamp_ns
@@ -133,19 +136,21 @@ class StrokePlayer:
         if self.phase is Phase.STROKE:
             assert self._policy is not None
             action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
-            self.reference = shape_command(self.reference, action_to_velocity(action), period_s)
+            self.reference = shape_command(
+                self._robot, self.reference, action_to_velocity(self._robot, action), period_s
+            )
         elif self.phase is Phase.RESTING:
-            self.reference = shape_command(self.reference, np.zeros(7), period_s)
+            self.reference = shape_command(self._robot, self.reference, self._rest, period_s)
         else:
             self._move_to_ready(period_s)
         self._count()
         return self.reference
 
     def follow(self, joint_position: NDArray[np.float64]) -> float:
-        """Start anew from the arm, shape (7,), rad, if it has strayed; how far the worst joint is off."""
+        """Start anew from the arm, shape (N,), rad, if it has strayed; how far the worst joint is off."""
         error = float(np.abs(joint_position - self.reference.position).max())
         if error > self._tracking_tolerance_rad:
-            self.reference = JointReference(joint_position.copy(), np.zeros(7))
+            self.reference = JointReference(joint_position.copy(), self._rest.copy())
             if self.phase in (Phase.STROKE, Phase.RESTING):
                 self.phase = Phase.RESTING
             else:
@@ -155,25 +160,27 @@ class StrokePlayer:
     def hold(self, period_s: float = CONTROL_PERIOD_S) -> JointReference:
         """Decelerate to a stop and stay: for stale inputs, a disabled executor or an unusable policy."""
         self.phase = Phase.RESTING if self.phase is Phase.STROKE else self.phase
-        self.reference = shape_command(self.reference, np.zeros(7), period_s)
+        self.reference = shape_command(self._robot, self.reference, self._rest, period_s)
         return self.reference
 
     def _set_out(self) -> None:
-        """Make for the ready pose, on a way that is found when the arm moves: until then it may change."""
-        self._way = None
+        """Make for the ready pose, on a path that is found when the arm moves: until then it may change."""
+        self._path = None
         self.phase = Phase.READYING
 
     def _move_to_ready(self, period_s: float) -> None:
-        if self._way is None:
-            # The straight way from the end of a stroke may lead through the table.
-            self._way = find_path(self.reference, self._ready_pose, self._began_at)
-        under_way = bool(self._way)
-        reference, self._way = follow_path(self.reference, self._way, self._ready_pose, period_s)
+        if self._path is None:
+            # The straight path from the end of a stroke may lead through the table.
+            self._path = find_path(self._robot, self.reference, self._ready_pose, self._began_at)
+        under_way = bool(self._path)
+        reference, self._path = follow_path(
+            self._robot, self.reference, self._path, self._ready_pose, period_s
+        )
         close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
         slow = np.abs(reference.velocity).max() * period_s < READY_TOLERANCE_RAD
         if close and slow and not under_way:
             # Land exactly, so that every stroke from this pose starts from the same numbers.
-            reference = JointReference(self._ready_pose.copy(), np.zeros(7))
+            reference = JointReference(self._ready_pose.copy(), self._rest.copy())
             self.phase, self._began_at = Phase.READY, ()
         self.reference = reference
 

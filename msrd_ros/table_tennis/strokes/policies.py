@@ -4,40 +4,42 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.episode import ACTING_STEPS, ACTION_NAMES, CONTROL_PERIOD_S, OBSERVATION_NAMES
+from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, action_names, observation_names
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.policy import PolicySet
-from msrd_ros.robots.sawyer import JOINT_COUNT, JOINT_NAMES, POSITION_LOWER_RAD, POSITION_UPPER_RAD
+from msrd_ros.robots.loading import DEFAULT_ROBOT, default_robot
+from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.strategies.table import Side, Strategies
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Maps an observation (13,) to an action (7,)."""
+"""Maps an observation (N + 6,) to an action (N,)."""
 
 
-def stroke_layout(labels: Sequence[StrategyLabel] = ()) -> Layout:
-    """The layout of this package's strokes: what every policy that the executor plays must have."""
-    return Layout(OBSERVATION_NAMES, ACTION_NAMES, tuple(map(str, labels)), CONTROL_PERIOD_S)
+def stroke_layout(robot: Robot, labels: Sequence[StrategyLabel] = ()) -> Layout:
+    """The layout of strokes of an arm: what every policy that the executor plays must have."""
+    return Layout(observation_names(robot), action_names(robot), tuple(map(str, labels)), CONTROL_PERIOD_S)
 
 
 class StrokeDraws(NamedTuple):
-    """Standard normal draws of one stroke: start posture (7,) and exploration (T_act, 7)."""
+    """Standard normal draws of one stroke: start posture (N,) and exploration (T_act, N)."""
 
     ready: NDArray[np.float64]
     action: NDArray[np.float64]
 
     @classmethod
-    def of(cls, seed: int, index: int) -> StrokeDraws:
+    def of(cls, seed: int, index: int, joints: int) -> StrokeDraws:
         """The draws of stroke number `index`: the same whoever plays it, in process or over topics."""
         rng = np.random.default_rng((seed, index))
-        return cls(rng.standard_normal(JOINT_COUNT), rng.standard_normal((ACTING_STEPS, JOINT_COUNT)))
+        return cls(rng.standard_normal(joints), rng.standard_normal((ACTING_STEPS, joints)))
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,16 @@ class StrokeFacts:
     Attributes
     ----------
     ready_pose
-        Mean posture in which they begin, shape (7,), rad.
+        Mean posture in which they begin, shape (N,), rad.
     landing_point
         Mean landing point of their returned balls, shape (2,), m; NaN where unknown.
+    side
+        Where balls are fed.
     """
 
     ready_pose: NDArray[np.float64]
     landing_point: NDArray[np.float64]
+    side: Side
 
 
 @dataclass(frozen=True)
@@ -70,12 +75,15 @@ class StrokePolicies:
         Of the draws with which actions are to be varied; None plays the means.
     ready_noise_rad
         Spread of the start posture while exploring.
+    robot
+        The arm that plays them.
     """
 
     policies: PolicySet
     facts: Mapping[StrategyLabel, StrokeFacts]
     exploration_seed: int | None = None
     ready_noise_rad: float = 0.0
+    robot: Robot = field(default_factory=default_robot)
 
     @property
     def labels(self) -> tuple[StrategyLabel, ...]:
@@ -117,25 +125,30 @@ class StrokePolicies:
                 str(label): {
                     "ready_pose": facts.ready_pose.tolist(),
                     "landing_point": [None if math.isnan(x) else x for x in facts.landing_point.tolist()],
+                    "side": facts.side.value,
                 }
                 for label, facts in self.facts.items()
             },
             "exploration_seed": self.exploration_seed,
             "ready_noise_rad": self.ready_noise_rad,
+            "robot": self.robot.name,
         }
         return replace(self.policies, details=details).to_bytes()
 
     @classmethod
-    def from_bytes(cls, data: bytes, where: str) -> StrokePolicies:
-        """Read what `to_bytes` wrote.
+    def from_bytes(cls, data: bytes, where: str, robot: Robot | None = None) -> StrokePolicies:
+        """Read what `to_bytes` wrote, for an arm (the default one if None).
 
         Raises
         ------
         UserError
-            If it is no policy file, made for another layout, or a ready pose is missing or unreachable.
+            If it is no policy file, made for another robot, or a ready pose is missing or unreachable.
         """
         policies = PolicySet.from_bytes(data, where)
-        policies.layout.require(stroke_layout(), where)
+        arm = robot or default_robot()
+        # 0.1.0 knew one arm and did not say so.
+        arm.require(str(policies.details.get("robot", DEFAULT_ROBOT)), where)
+        policies.layout.require(stroke_layout(arm), where)
         strokes = policies.details.get("strokes")
         if not isinstance(strokes, dict):
             raise UserError(f"{where}: has no ready poses; give a policies file that the trainer node wrote")
@@ -147,16 +160,18 @@ class StrokePolicies:
                 landing_point = np.array(strokes[text]["landing_point"], dtype=np.float64)
             except (KeyError, TypeError, ValueError):
                 raise UserError(f"{where}: the ready pose of {text} is missing; train again") from None
-            fits = (ready_pose >= POSITION_LOWER_RAD) & (ready_pose <= POSITION_UPPER_RAD)
-            if ready_pose.shape != (JOINT_COUNT,) or not fits.all():
-                joint = JOINT_NAMES[int(np.argmin(fits))] if ready_pose.shape == fits.shape else "count"
+            if ready_pose.shape != (arm.joint_count,):
+                raise UserError(f"{where}: ready pose of {text} has {ready_pose.size} joints; train again")
+            fits = (ready_pose >= arm.limits.lower_rad) & (ready_pose <= arm.limits.upper_rad)
+            if not fits.all():
+                joint = arm.joint_names[int(np.argmin(fits))]
                 raise UserError(f"{where}: ready pose of {text}: joint {joint} is out of its limits")
-            facts[label] = StrokeFacts(ready_pose, landing_point)
+            facts[label] = StrokeFacts(ready_pose, landing_point, _read_side(strokes[text], label, where))
         details = policies.details
-        return cls(policies, facts, details.get("exploration_seed"), details.get("ready_noise_rad", 0.0))
+        return cls(policies, facts, details.get("exploration_seed"), details.get("ready_noise_rad", 0.0), arm)
 
     @classmethod
-    def load(cls, path: Path) -> StrokePolicies:
+    def load(cls, path: Path, robot: Robot | None = None) -> StrokePolicies:
         """Read a file; see `from_bytes`."""
         try:
             data = Path(path).expanduser().read_bytes()
@@ -164,4 +179,15 @@ class StrokePolicies:
             raise UserError(
                 f"{path}: cannot read the checkpoint ({error.strerror}); train one, or mend the path"
             ) from None
-        return cls.from_bytes(data, str(path))
+        return cls.from_bytes(data, str(path), robot)
+
+
+def _read_side(stroke: Mapping[str, Any], label: StrategyLabel, where: str) -> Side:
+    """The side that a file tells; files of version 0.1.0 tell none and hold listed strategies only."""
+    told, listed = stroke.get("side"), Strategies.shipped().of(label).side
+    if told is None and listed is not None:
+        return listed
+    try:
+        return Side(str(told))
+    except ValueError:
+        raise UserError(f"{where}: the side of {label} is missing or unknown; train again") from None

@@ -11,21 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from msrd_ros.contract.labels import Stroke
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
-from msrd_ros.table_tennis.teachers.study_design import LEAST_STROKE_SPIN_RAD_S, MOST_PUSH_SPIN_RAD_S
+from msrd_ros.table_tennis.strategies.table import Strategies
 
 LANDING_RADIUS_M = 0.20
-
-SPIN_CLASS_BORDER_RAD_S = (MOST_PUSH_SPIN_RAD_S + LEAST_STROKE_SPIN_RAD_S) / 2
-"""Half-way between what a demonstrated push and a demonstrated slice or topspin may have."""
-
-
-def nearest_stroke(spin_y_rad_s: float) -> Stroke:
-    """The stroke that an outgoing ball's spin speaks of; positive is topspin."""
-    if abs(spin_y_rad_s) <= SPIN_CLASS_BORDER_RAD_S:
-        return Stroke.PUSH
-    return Stroke.TOPSPIN if spin_y_rad_s > 0.0 else Stroke.SLICE
 
 
 @dataclass(frozen=True)
@@ -60,14 +50,15 @@ class Rate:
 class LabelRates:
     """What became of the balls of one strategy.
 
-    Spin and landing points are of returned balls only; spin about the y axis in rad/s, + is topspin.
+    Spin and landing points are of returned balls only; spin about the y axis in rad/s, + is topspin. Where
+    nobody judges the strategy's spin, `spin_class_right` is None.
     """
 
     fed: int
     struck: Rate
     returned: Rate
     within_20cm: Rate
-    spin_class_right: Rate
+    spin_class_right: Rate | None
     spin_mean: float
     spin_sd: float
     landing_points: list[tuple[float, float]]
@@ -76,19 +67,26 @@ class LabelRates:
 
     @classmethod
     def of(
-        cls, stroke: Stroke, outcomes: Sequence[Outcome], landing_point: NDArray[np.float64] | None
+        cls,
+        label: StrategyLabel,
+        outcomes: Sequence[Outcome],
+        landing_point: NDArray[np.float64] | None,
+        strategies: Strategies | None = None,
     ) -> LabelRates:
         """Rates of `outcomes`, all of one strategy.
 
         Parameters
         ----------
-        stroke
-            The stroke that was asked for.
+        label
+            The strategy that was asked for.
         outcomes
             One per ball.
         landing_point
             Where the demonstrations landed on average, shape (2,), m; None or NaN where unknown.
+        strategies
+            Who judges spin; None takes the package's.
         """
+        judge = strategies or Strategies.shipped()
         back = [outcome for outcome in outcomes if outcome.returned]
         spins = [outcome.spin_y_rad_s for outcome in back]
         points = [(outcome.landing_x_m, outcome.landing_y_m) for outcome in back]
@@ -105,7 +103,9 @@ class LabelRates:
             Rate.of(sum(outcome.struck for outcome in outcomes), len(outcomes)),
             Rate.of(len(back), len(outcomes)),
             Rate.of(near, len(back) if known else 0),
-            Rate.of(sum(nearest_stroke(spin) is stroke for spin in spins), len(back)),
+            None
+            if judge.of(label).spin is None
+            else Rate.of(sum(bool(judge.spin_is_right(label, spin)) for spin in spins), len(back)),
             float(np.mean(spins)) if spins else math.nan,
             float(np.std(spins)) if spins else math.nan,
             points,
@@ -114,13 +114,13 @@ class LabelRates:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Counts as plain numbers, intervals beside them; NaN becomes None."""
+        """Counts as plain numbers, intervals beside them; what is NaN or not judged becomes None."""
         values = asdict(self)
         for name in ("struck", "returned", "within_20cm", "spin_class_right"):
-            rate: Rate = getattr(self, name)
-            values[name] = rate.count
-            values[f"{name}_share"] = _none_if_nan(rate.share)
-            values[f"{name}_interval"] = [rate.low, rate.high]
+            rate: Rate | None = getattr(self, name)
+            values[name] = rate and rate.count
+            values[f"{name}_share"] = rate and _none_if_nan(rate.share)
+            values[f"{name}_interval"] = rate and [rate.low, rate.high]
         values["spin_mean"] = _none_if_nan(self.spin_mean)
         values["spin_sd"] = _none_if_nan(self.spin_sd)
         return values
@@ -132,14 +132,15 @@ def _none_if_nan(value: float) -> float | None:
 
 def format_table(rates: dict[str, LabelRates]) -> str:
     """A table for the terminal, one line per strategy."""
+    width = max(18, *(len(label) + 2 for label in rates)) if rates else 18
     lines = [
-        f"{'strategy':<18}{'fed':>5}  {'struck':<18}{'returned':<18}{'within 20 cm':<18}"
+        f"{'strategy':<{width}}{'fed':>5}  {'struck':<18}{'returned':<18}{'within 20 cm':<18}"
         f"{'spin rad/s':<14}spin class"
     ]
     for label, row in rates.items():
         spin = "-" if math.isnan(row.spin_mean) else f"{row.spin_mean:+.0f} +- {row.spin_sd:.0f}"
         lines.append(
-            f"{label:<18}{row.fed:>5}  {row.struck!s:<18}{row.returned!s:<18}{row.within_20cm!s:<18}"
-            f"{spin:<14}{row.spin_class_right}"
+            f"{label:<{width}}{row.fed:>5}  {row.struck!s:<18}{row.returned!s:<18}{row.within_20cm!s:<18}"
+            f"{spin:<14}{row.spin_class_right or '-'}"
         )
     return "\n".join(lines)

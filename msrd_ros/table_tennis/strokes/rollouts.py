@@ -17,19 +17,18 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import (
     ACTING_STEPS,
-    ACTION_NAMES,
     CONTROL_PERIOD_S,
     FIRST_ACTING_STEP,
     HORIZON,
-    OBSERVATION_NAMES,
     Episode,
+    action_names,
+    observation_names,
 )
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import EpisodeAssembler
-from msrd_ros.learning.policies import GaussianPolicies, Policies
+from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
-from msrd_ros.robots.limits import HIGHEST_RAD, LOWEST_RAD
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
 from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
 from msrd_ros.table_tennis.strokes.player import PolicyFunction, StrokePlayer
@@ -81,11 +80,11 @@ class StrokeBatch:
         seed = int(rng.integers(2**31))
         feeder = Feeder()
         strokes: list[Stroke] = []
-        for label in policies.labels:
+        for label, facts in policies.facts.items():
             for _ in range(episodes):
                 index = len(strokes)
                 feed = feeder.sample(
-                    label.side, SPREADS[spread], np.random.default_rng((FEED_STREAM, seed, index))
+                    facts.side, SPREADS[spread], np.random.default_rng((FEED_STREAM, seed, index))
                 )
                 strokes.append(Stroke(label, feed, index))
         exploring = replace(policies, exploration_seed=seed, ready_noise_rad=ready_noise_rad)
@@ -104,14 +103,16 @@ class StrokeBatch:
         labels = self.policies.labels
         count = len(self.strokes) // len(labels)
         shape = (len(labels), count)
-        observations = np.empty((*shape, HORIZON + 1 - FIRST_ACTING_STEP, len(OBSERVATION_NAMES)), np.float32)
-        actions = np.empty((*shape, ACTING_STEPS, len(ACTION_NAMES)), np.float32)
+        robot = self.policies.robot
+        steps = HORIZON + 1 - FIRST_ACTING_STEP
+        observations = np.empty((*shape, steps, len(observation_names(robot))), np.float32)
+        actions = np.empty((*shape, ACTING_STEPS, len(action_names(robot))), np.float32)
         for stroke, episode in zip(self.strokes, episodes, strict=True):
             row, column = divmod(stroke.number, count)
             seen = episode.observations[FIRST_ACTING_STEP:]
             seed = self.policies.exploration_seed
             assert seed is not None
-            act = self.policies.play(stroke.label, StrokeDraws.of(seed, stroke.number))
+            act = self.policies.play(stroke.label, StrokeDraws.of(seed, stroke.number, robot.joint_count))
             observations[row, column] = seen
             actions[row, column] = [act(observation) for observation in seen[:ACTING_STEPS]]
         log_probs = policies.rollout_log_probs(observations[:, :, :ACTING_STEPS], actions)
@@ -135,7 +136,8 @@ def play_stroke(
     ready_noise_rad, seed
         Of the start posture and, if the policies explore, of the actions.
     """
-    draws = StrokeDraws.of(seed, stroke.number)
+    robot = policies.robot
+    draws = StrokeDraws.of(seed, stroke.number, robot.joint_count)
     ready_pose = policies.require(stroke.label).ready_pose + ready_noise_rad * draws.ready
     policy = policies.play(stroke.label, draws)
     return play_in_world(world, stroke.label, policy, ready_pose, stroke.feed, ball_number)
@@ -160,21 +162,22 @@ def play_in_world(
     Parameters
     ----------
     policy
-        From observation (13,) to action (7,).
+        From observation (N + 6,) to action (N,).
     ready_pose
-        Where the joints wait, shape (7,), rad; drawn into the joints' limits.
+        Where the joints wait, shape (N,), rad; drawn into the joints' limits.
     ball_number
         How many balls the simulator would have launched before this one.
     sight
         How the policy sees the ball; the episode holds what the camera shows.
     """
-    ready_pose = np.clip(ready_pose, LOWEST_RAD, HIGHEST_RAD)
+    robot = world.config.rally.robot
+    ready_pose = np.clip(ready_pose, robot.limits.lowest_rad, robot.limits.highest_rad)
     world.rally.reset(ready_pose)
     world.balls = ball_number
     world.strategy = label
-    player = StrokePlayer(ready_pose)
+    player = StrokePlayer(robot, ready_pose)
     player.prepare(policy, ready_pose)
-    assembler = EpisodeAssembler(label, source="Bullet")
+    assembler = EpisodeAssembler(label, source="Bullet", robot=robot)
     world.feed(feed)
     while not world.results:
         tick = world.tick()
@@ -198,7 +201,7 @@ def _play(
     data: bytes, strokes: Sequence[Stroke], balls_before: int, ready_noise_rad: float, seed: int
 ) -> list[tuple[Episode, Outcome]]:
     assert _world is not None
-    policies = StrokePolicies.from_bytes(data, "rollout policies")
+    policies = StrokePolicies.from_bytes(data, "rollout policies", _world.config.rally.robot)
     return [
         play_stroke(_world, policies, stroke, balls_before + stroke.number, ready_noise_rad, seed)
         for stroke in strokes
@@ -273,7 +276,6 @@ class BulletCollector:
 
     def collect(self, policies: Policies, episodes: int, rng: np.random.Generator) -> Rollouts:
         """Play `episodes` strokes of every strategy."""
-        assert isinstance(policies, GaussianPolicies)
         batch = StrokeBatch.draw(
             self._source(), episodes, self._spread, self._ready_noise_rad, self._balls, rng
         )

@@ -1,4 +1,4 @@
-"""Learning the strokes: from episodes to rewards and policies, with MSRD or AIRL.
+"""Learning the strokes: from episodes to rewards and policies, with any method.
 
 The recipe that the trainer node and the table tennis study share.
 """
@@ -14,39 +14,41 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import (
     ACTING_STEPS,
-    ACTION_NAMES,
-    BALL_INPUTS,
+    BALL_NAMES,
     FIRST_ACTING_STEP,
-    OBSERVATION_NAMES,
     Episode,
+    action_names,
 )
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.airl import airl_per_strategy
 from msrd_ros.learning.checkpoints import export_policies
-from msrd_ros.learning.msrd import MSRD
-from msrd_ros.learning.policies import GaussianPolicies
+from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.method import Learner, Method, Problem
+from msrd_ros.learning.methods import METHODS as ALL_METHODS
+from msrd_ros.learning.methods.airl import AirlEachCross
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
-from msrd_ros.robots.sawyer import JOINT_NAMES
-from msrd_ros.table_tennis.ball.feeder import SPREADS
+from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.ball.feeder import SPREADS, side_of
 from msrd_ros.table_tennis.simulation.batched import (
     KinematicRallies,
     KinematicRalliesConfig,
     RallyPlan,
     RallyVariation,
 )
+from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
 from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
-METHODS = ("msrd", "airl")
-REWARD_GROUPS: dict[str, Callable[[StrategyLabel], str]] = {
-    "side_and_stroke": str,
-    "stroke": lambda label: label.stroke.value,
+METHODS: dict[str, Method] = {**ALL_METHODS, "airl": AirlEachCross()}
+"""By name. One policy for all could not be told which stroke is wanted: here AIRL has a policy and a reward
+for each."""
+REWARD_GROUPS: dict[str, Callable[[Strategy], str]] = {
+    "side_and_stroke": lambda strategy: str(strategy.label),
+    "stroke": lambda strategy: strategy.stroke,
 }
-"""Whose a strategy reward is: every label's own, or shared by forehand and backhand of a stroke."""
+"""Whose a strategy reward is: every label's own, or shared by both sides of a stroke."""
 POLICIES_FILE = "policies.safetensors"
-RESULT_FILE = "training.json"
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class StrokeTrainingConfig:
     Attributes
     ----------
     method
-        ``msrd``, or ``airl`` for a reward of its own per strategy.
+        A name of `METHODS`.
     iterations, episodes
         Iterations over all strategies, and rollouts per strategy in each.
     seed
@@ -72,6 +74,8 @@ class StrokeTrainingConfig:
     corrective_cloning
         Whether the policies start from cloning with injected joint offsets and labels that undo them, rather
         than from plain cloning.
+    cloning_steps
+        Adam steps of cloning; None: as many as the recipe has.
     """
 
     method: str = "msrd"
@@ -84,11 +88,12 @@ class StrokeTrainingConfig:
     camera_latency_s: float = 0.0
     threads: int = 2
     corrective_cloning: bool = False
+    cloning_steps: int | None = None
     strategy_rewards: str = "side_and_stroke"
 
 
-def gather_demonstrations(episodes: Sequence[Episode]) -> Demonstrations:
-    """Episodes as the datasets D(1)..D(N), in the order of `ALL_LABELS`.
+def gather_demonstrations(episodes: Sequence[Episode], strategies: Strategies) -> Demonstrations:
+    """Episodes as the datasets D(1)..D(N), in the order of `strategies`.
 
     Rows begin at `FIRST_ACTING_STEP`, where the policies begin to act.
 
@@ -101,29 +106,39 @@ def gather_demonstrations(episodes: Sequence[Episode]) -> Demonstrations:
         raise UserError("no demonstrations: record some, or give a folder of bags")
     by_label = {
         label: [episode for episode in episodes if episode.label == label]
-        for label in ALL_LABELS
-        if any(episode.label == label for episode in episodes)
+        for label in strategies.sort(episode.label for episode in episodes)
     }
-    most = max(map(len, by_label.values()))
+    most, robot = max(map(len, by_label.values())), episodes[0].robot
     horizon = len(episodes[0].joint_position) - 1 - FIRST_ACTING_STEP
-    observations = np.zeros((len(by_label), most, horizon + 1, len(OBSERVATION_NAMES)))
-    actions = np.zeros((len(by_label), most, ACTING_STEPS, len(ACTION_NAMES)))
+    observations = np.zeros((len(by_label), most, horizon + 1, episodes[0].observations.shape[1]))
+    actions = np.zeros((len(by_label), most, ACTING_STEPS, robot.joint_count))
     lengths = np.zeros((len(by_label), most), dtype=np.int64)
     for row, group in enumerate(by_label.values()):
         for column, episode in enumerate(group):
             observations[row, column] = episode.observations[FIRST_ACTING_STEP:]
             actions[row, column] = episode.actions[FIRST_ACTING_STEP : FIRST_ACTING_STEP + ACTING_STEPS]
             lengths[row, column] = horizon
-    return Demonstrations(observations, actions, stroke_layout(tuple(by_label)), lengths)
+    return Demonstrations(observations, actions, stroke_layout(robot, tuple(by_label)), lengths)
 
 
-def ready_poses(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDArray[np.float64]]:
-    """Mean posture (7,) in rad in which the episodes of each label begin."""
-    labels = dict.fromkeys(label for label in ALL_LABELS if any(e.label == label for e in episodes))
-    return {
-        label: np.mean([e.joint_position[0] for e in episodes if e.label == label], axis=0)
-        for label in labels
-    }
+def stroke_facts(
+    episodes: Sequence[Episode],
+    landing_points: Mapping[StrategyLabel, NDArray[np.float64]],
+    strategies: Strategies,
+) -> dict[StrategyLabel, StrokeFacts]:
+    """What the episodes of each label say beside their motion, in the order of `strategies`.
+
+    The side is the listed one, else where the episodes met the ball: its y while it is nearest to the robot.
+    """
+    nowhere = np.full(2, np.nan)
+    facts = {}
+    for label in strategies.sort(episode.label for episode in episodes):
+        own = [episode for episode in episodes if episode.label == label]
+        pose = np.mean([episode.joint_position[0] for episode in own], axis=0)
+        met_y = np.mean([e.ball_position[e.ball_position[:, 0].argmin(), 1] for e in own])
+        side = strategies.of(label).side or side_of(float(met_y))
+        facts[label] = StrokeFacts(pose, landing_points.get(label, nowhere), side)
+    return facts
 
 
 def mean_landing_points(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDArray[np.float64]]:
@@ -134,6 +149,50 @@ def mean_landing_points(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDAr
             point = episode.outcome.landing_x_m, episode.outcome.landing_y_m
             points.setdefault(episode.label, []).append(point)
     return {label: np.mean(found, axis=0) for label, found in points.items()}
+
+
+def find_stroke_method(name: str) -> Method:
+    """The method of that name.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    if name not in METHODS:
+        raise UserError(f"method {name!r} is unknown; use one of {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def stroke_recipe(
+    config: StrokeTrainingConfig,
+    labels: Sequence[StrategyLabel],
+    robot: Robot,
+    strategies: Strategies | None = None,
+) -> MSRDConfig:
+    """Settings of MSRD on strokes of these labels by an arm; other methods' follow from them."""
+    recipe = table_tennis(BALL_NAMES, robot.joint_names)
+    owned = _groups(config, labels, strategies or Strategies.shipped())
+    groups = list(dict.fromkeys(owned))
+    shared = tuple(map(groups.index, owned)) if len(groups) < len(owned) else ()
+    recipe = replace(
+        recipe,
+        iterations=config.iterations,
+        episodes=config.episodes,
+        reward=replace(recipe.reward, reward_groups=shared),
+    )
+    if config.corrective_cloning:
+        recipe = with_recovery_labels(recipe, robot.joint_names, action_names(robot))
+    if config.cloning_steps is not None:
+        recipe = replace(recipe, cloning=replace(recipe.cloning, steps=config.cloning_steps))
+    return recipe
+
+
+def _groups(
+    config: StrokeTrainingConfig, labels: Sequence[StrategyLabel], strategies: Strategies
+) -> list[str]:
+    """Whose the strategy reward of each label is."""
+    return [REWARD_GROUPS[config.strategy_rewards](strategies.of(label)) for label in labels]
 
 
 class StrokeTraining:
@@ -149,15 +208,21 @@ class StrokeTraining:
         Settings.
     collector
         Where the policies are played; None takes the batched simulator.
+    strategies
+        What is known of them; None takes the package's table.
+    method
+        One of one's own; None takes that of `config`.
 
     Attributes
     ----------
     trainer
-        MSRD or AIRL, at work.
+        The method at work.
     labels
         Strategies, in the order of all arrays.
     reward_groups
         Names of the strategy rewards, in their order.
+    robot
+        The arm that was taught, of N joints.
     """
 
     def __init__(
@@ -166,58 +231,49 @@ class StrokeTraining:
         landing_points: Mapping[StrategyLabel, NDArray[np.float64]],
         config: StrokeTrainingConfig,
         collector: Collector | None = None,
+        strategies: Strategies | None = None,
+        method: Method | None = None,
     ) -> None:
-        if config.method not in METHODS:
-            raise UserError(f"method {config.method!r} is unknown; use one of {', '.join(METHODS)}")
         self.config = config
-        self.demonstrations = gather_demonstrations(episodes)
-        poses = ready_poses(episodes)
-        self.labels = tuple(poses)
-        nowhere = np.full(2, np.nan)
-        self._facts = {
-            label: StrokeFacts(pose, landing_points.get(label, nowhere)) for label, pose in poses.items()
-        }
+        self.method = method or find_stroke_method(config.method)
+        self._strategies = strategies or Strategies.shipped()
+        self.demonstrations = gather_demonstrations(episodes, self._strategies)
+        self.robot = episodes[0].robot
+        self._facts = stroke_facts(episodes, landing_points, self._strategies)
+        self.labels = tuple(self._facts)
+        self.reward_groups = tuple(dict.fromkeys(_groups(config, self.labels, self._strategies)))
         self.simulator = self._make_simulator(config.seed)
-        ball_names = tuple(OBSERVATION_NAMES[column] for column in BALL_INPUTS)
-        settings = table_tennis(ball_names, JOINT_NAMES)
-        owned = [REWARD_GROUPS[config.strategy_rewards](label) for label in self.labels]
-        self.reward_groups = tuple(dict.fromkeys(owned))
-        shared = (
-            tuple(self.reward_groups.index(name) for name in owned)
-            if len(self.reward_groups) < len(owned)
-            else ()
+        self.trainer: Learner = self.method.start(
+            Problem(
+                stroke_recipe(config, self.labels, self.robot, self._strategies),
+                self.demonstrations,
+                collector or BatchedCollector(self.simulator),
+                config.seed,
+            )
         )
-        settings = replace(
-            settings,
-            iterations=config.iterations,
-            episodes=config.episodes,
-            reward=replace(settings.reward, reward_groups=shared),
-        )
-        if config.corrective_cloning:
-            settings = with_recovery_labels(settings, JOINT_NAMES, ACTION_NAMES)
-        make = MSRD if config.method == "msrd" else airl_per_strategy
-        self.trainer = make(
-            settings, self.demonstrations, collector or BatchedCollector(self.simulator), config.seed
-        )
+
+    def _reward_group(self, label: StrategyLabel) -> str:
+        return REWARD_GROUPS[self.config.strategy_rewards](self._strategies.of(label))
 
     def _make_simulator(self, seed: int) -> KinematicRallies:
         config = self.config
-        plans = [RallyPlan(label.side, facts.ready_pose) for label, facts in self._facts.items()]
+        plans = [RallyPlan(facts.side, facts.ready_pose) for facts in self._facts.values()]
         variation = RallyVariation(
             SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m, config.camera_latency_s
         )
-        return KinematicRallies(plans, KinematicRalliesConfig(variation=variation, threads=config.threads))
+        return KinematicRallies(
+            plans, KinematicRalliesConfig(variation=variation, threads=config.threads, robot=self.robot)
+        )
 
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:
         """The present policies, as the executor plays them."""
-        assert isinstance(self.trainer.policies, GaussianPolicies)
         details = {
-            "method": self.config.method,
+            "method": self.method.name,
             "seed": self.config.seed,
             "iterations": self.trainer.iterations_done,
         }
         exported = export_policies(self.trainer.policies, self.trainer.layout, details)
-        return StrokePolicies(exported, self._facts, exploration_seed)
+        return StrokePolicies(exported, self._facts, exploration_seed, robot=self.robot)
 
     def evaluate(
         self, balls: int, rng: np.random.Generator
@@ -239,7 +295,7 @@ class StrokeTraining:
         Parameters
         ----------
         observations
-            Shape (M, T + 1, 13).
+            Shape (M, T + 1, N + 6).
         strategy
             Row whose network R0 is read next to; R0 is the same for all.
 
@@ -255,7 +311,7 @@ class StrokeTraining:
         stacked = torch.as_tensor(observations, dtype=torch.float32)[None].expand(
             len(self.labels), -1, -1, -1
         )
-        actions = torch.zeros(len(self.labels), count, min(ACTING_STEPS, steps), len(ACTION_NAMES))
+        actions = torch.zeros(len(self.labels), count, min(ACTING_STEPS, steps), self.robot.joint_count)
         with torch.no_grad():
             values = self.trainer.averaged_rewards(Transitions.of(stacked, actions))
         task = values.task[strategy].reshape(count, steps).sum(dim=1)
@@ -267,7 +323,7 @@ class StrokeTraining:
 
         Square, in the order of `reward_groups`.
         """
-        owner_of = REWARD_GROUPS[self.config.strategy_rewards]
+        owner_of = self._reward_group
         first = [[owner_of(label) for label in self.labels].index(owner) for owner in self.reward_groups]
         matrix = np.zeros((len(self.reward_groups), len(self.reward_groups)))
         for column, owner in enumerate(self.reward_groups):

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.robots.quintic import JointState, JointStroke, swing_effort
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.estimator import PATH_PERIOD_S, FlightEstimator
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
-from msrd_ros.table_tennis.teachers.hit_solver import POSITION, RATE, TIME, HitWish, solve_hit
+from msrd_ros.table_tennis.teachers.hit_solver import TIME, HitWish, angles_of, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.impedance_guidance import leading_hand, shifted_posture
 from msrd_ros.table_tennis.teachers.style import Flaws, Slip
 
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 
 _SWAY_FADE_S = 0.2
 _SWING_FACTORS = (1.0, 1.2, 1.4, 1.6, 0.85)
-_SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
 
 
 @dataclass(frozen=True)
@@ -64,11 +63,11 @@ class Intent:
     Attributes
     ----------
     hit
-        The usual hit (15,), as of `hit_solver`; its time counts from the launch.
+        The usual hit (1 + 2 N,), as of `hit_solver`; its time counts from the launch.
     wish
         What a hit has to achieve.
     ready
-        Posture that the stroke starts from, shape (7,), rad.
+        Posture that the stroke starts from, shape (N,), rad.
     swing_s, follow_s
         Duration of the swing and of the follow-through.
     """
@@ -85,6 +84,8 @@ class GuidedStroke:
 
     Parameters
     ----------
+    robot
+        The arm that is led, of N joints.
     intent
         What the teacher means to do.
     flaws
@@ -94,13 +95,14 @@ class GuidedStroke:
     scene
         `Scene.constants()`.
     grip
-        The hand's grip and the arm's floating.
+        The hand's grip.
     attention
         How the teacher reacts.
     """
 
     def __init__(
         self,
+        robot: Robot,
         intent: Intent,
         flaws: Flaws,
         skill: float,
@@ -108,18 +110,19 @@ class GuidedStroke:
         grip: GuidanceConfig,
         attention: AttentionConfig,
     ) -> None:
+        self._robot = robot
         self.intent, self.flaws = intent, flaws
         self.stroke: JointStroke | None = None
         self._skill, self._scene, self._grip, self._attention = skill, scene, grip, attention
-        self._damping = np.array(grip.joint_damping_nm_s)
+        self._damping = np.array(robot.floating.joint_damping_nm_s)
         self._estimator = FlightEstimator(scene)
         self._hit = intent.hit
-        self._rest = JointState(intent.ready, np.zeros(7), np.zeros(7))
+        self._rest = _at_rest(intent.ready)
         self._next_look_s = attention.first_look_s
 
     @property
     def ready_posture(self) -> Array:
-        """Joint angles (7,) in rad that the stroke starts from."""
+        """Joint angles (N,) in rad that the stroke starts from."""
         return self.intent.ready
 
     def see(self, stamp_s: float, position: Array) -> None:
@@ -138,10 +141,10 @@ class GuidedStroke:
         time_s
             On the clock of the samples' stamps; must not go back.
         joint_position
-            Where the arm is, shape (7,), rad. Before the ball flies the hand stays where it found it.
+            Where the arm is, shape (N,), rad. Before the ball flies the hand stays where it found it.
         """
         if self._estimator.first_seen_s is None:
-            self._rest = JointState(np.array(joint_position), np.zeros(7), np.zeros(7))
+            self._rest = _at_rest(np.array(joint_position))
             state = self._rest
             sway, sway_rate = np.zeros(6), np.zeros(6)
         else:
@@ -150,6 +153,7 @@ class GuidedStroke:
             state = self.stroke.at(self._own_time(time_s))
             sway, sway_rate = self._sway(time_s)
         position, quaternion, twist = leading_hand(
+            self._robot.model,
             state.position,
             state.velocity,
             state.acceleration,
@@ -190,12 +194,18 @@ class GuidedStroke:
             return
         attention = self._attention
         hit, cost = solve_hit(
-            self._hit, self.intent.wish, path, PATH_PERIOD_S, self._scene, attention.solver_steps
+            self._robot.model,
+            self._hit,
+            self.intent.wish,
+            path,
+            PATH_PERIOD_S,
+            self._scene,
+            attention.solver_steps,
         )
         if cost > attention.worst_cost or hit[TIME] < own + attention.commit_s:
             return
         stroke = self._to_hit(own, hit)
-        if swing_effort(stroke) <= attention.hardest:
+        if swing_effort(stroke, self._robot) <= attention.hardest:
             self._hit, self.stroke = hit, stroke
 
     def _from_rest(self, hit: Array, own: float = 0.0) -> JointStroke:
@@ -208,7 +218,7 @@ class GuidedStroke:
             if factor > 1.0 and start < own:
                 break
             stroke = JointStroke(start, self._rest, hit_time, *goal, self.intent.follow_s)
-            effort = swing_effort(stroke)
+            effort = swing_effort(stroke, self._robot)
             if effort <= self._attention.comfortable:
                 return stroke
             swings.append((effort, factor, stroke))
@@ -221,6 +231,10 @@ class GuidedStroke:
         return self.stroke.continued_from(own, float(hit[TIME]), *self._flawed(hit))
 
     def _flawed(self, hit: Array) -> tuple[Array, Array]:
-        """Joint angles and rates (7,) at the hit as the teacher will really lead to."""
-        position = shifted_posture(hit[POSITION], self.flaws.shift)
-        return position, hit[RATE] * _SPEED_LIMIT * self.flaws.speed
+        """Joint angles and rates (N,) at the hit as the teacher will really lead to."""
+        position = shifted_posture(self._robot.model, angles_of(hit), self.flaws.shift)
+        return position, rates_of(hit) * self._robot.limits.speed_rad_s * self.flaws.speed
+
+
+def _at_rest(position: Array) -> JointState:
+    return JointState(position, np.zeros_like(position), np.zeros_like(position))

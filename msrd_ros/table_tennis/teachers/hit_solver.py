@@ -1,6 +1,6 @@
 """Finds a hit: when to meet the ball, in which posture and with which joint rates, for a wanted return.
 
-Unknowns are the time of the hit, the seven joint angles and the seven joint rates. Conditions come as
+Unknowns are the time of the hit, the N joint angles and the N joint rates, 1 + 2 N in all. Conditions come as
 weighted residuals of the same rubber and flight model that the rally plays by: the blade's face touches the
 ball at its centre, the ball leaves with the wanted spin for the wanted place over the net, the rates stay
 within a share of the limits; what freedom is left goes to small rates, a steady blade and a familiar posture.
@@ -15,20 +15,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.rebound import rebound_rubber
 from msrd_ros.table_tennis.ball.trajectory import path_at, return_flight
 
 Array = NDArray[np.float64]
 
-HIT_SIZE = 15
-TIME, POSITION, RATE = 0, slice(1, 8), slice(8, 15)
+TIME = 0
 """Layout of the unknowns: time in s, joint angles in rad, joint rates as fractions of the speed limits."""
-
-_SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
-_LOWER = np.array([-1.2, -1.8, -2.6, -2.6, -2.7, -2.7, -3.9])
-_UPPER = np.array([1.2, 0.8, 2.6, 2.6, 2.7, 2.7, 3.9])
 
 # What a residual of 1 stands for. The first group decides whether the ball comes back as wanted.
 _CENTRING_M = 0.004
@@ -52,7 +47,22 @@ HIGHEST_APEX_M = 1.60
 SLOWEST_APPROACH_M_S = 1.5
 BLADE_OVER_TABLE_M = 0.04
 
-_RESIDUALS = 62
+_SCALAR_RESIDUALS, _RESIDUALS_A_JOINT = 16, 5
+
+
+def hit_size(joints: int) -> int:
+    """How many unknowns a hit of an arm with so many joints has."""
+    return 1 + 2 * joints
+
+
+def angles_of(hit: Array) -> Array:
+    """Joint angles (N,) in rad of a hit; a view."""
+    return hit[1 : 1 + len(hit) // 2]
+
+
+def rates_of(hit: Array) -> Array:
+    """Joint rates (N,) of a hit as fractions of the speed limits; a view."""
+    return hit[1 + len(hit) // 2 :]
 
 
 class HitWish(NamedTuple):
@@ -61,7 +71,7 @@ class HitWish(NamedTuple):
     Attributes
     ----------
     face
-        +1 for the forehand face (+y of right_l6), -1 for the backhand face.
+        +1 for the forehand face (+y of the paddle), -1 for the backhand face.
     spin_y
         Spin about y right after the hit, rad/s.
     landing_x, landing_y
@@ -71,9 +81,11 @@ class HitWish(NamedTuple):
     highest_rate
         Largest joint rate as a fraction of the speed limits.
     posture, posture_weight
-        Joint angles (7,) to stay near to, and residual per rad.
+        Joint angles (N,) to stay near to, and residual per rad.
     rates, rates_weight
-        Joint rates (7,) as fractions of the limits to stay near to, and residual per fraction.
+        Joint rates (N,) as fractions of the limits to stay near to, and residual per fraction.
+    lower, upper
+        Joint angles (N,) between which the hit is wanted, rad.
     """
 
     face: float
@@ -87,6 +99,8 @@ class HitWish(NamedTuple):
     posture_weight: float
     rates: Array
     rates_weight: float
+    lower: Array
+    upper: Array
 
 
 class Hit(NamedTuple):
@@ -116,13 +130,14 @@ class Hit(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def carry_out(hit: Array, face: float, path: Array, period: float, scene: NDArray[np.void]) -> Hit:
-    """What the hit (15,) does to the ball on `path` (N, 9; rows `period` s apart)."""
+def carry_out(arm: Arm, hit: Array, face: float, path: Array, period: float, scene: NDArray[np.void]) -> Hit:
+    """What the hit (1 + 2 N,) does to the ball on `path` (T, 9; rows `period` s apart)."""
     constants = scene[0]
     ball = path_at(path, period, hit[0])
-    rates = hit[8:15] * _SPEED_LIMIT
-    centre, rotation = paddle_pose(hit[1:8])
-    twist = paddle_jacobian(hit[1:8]) @ rates
+    count = len(arm[0].speed)
+    joints, rates = hit[1 : 1 + count], hit[1 + count : 1 + 2 * count] * arm[0].speed
+    centre, rotation = paddle_pose(arm, joints)
+    twist = paddle_jacobian(arm, joints) @ rates
     normal = face * rotation[:, 1]
     lever = constants.blade_half_thickness * normal
     turn = twist[3:6].copy()
@@ -150,11 +165,11 @@ def _excess(value: float, lower: float, upper: float) -> float:
 
 @njit(cache=True, nogil=True)
 def hit_residuals(
-    hit: Array, wish: HitWish, path: Array, period: float, scene: NDArray[np.void], out: Array
+    arm: Arm, hit: Array, wish: HitWish, path: Array, period: float, scene: NDArray[np.void], out: Array
 ) -> int:
-    """Write the weighted residuals of a hit (15,) into `out` and return how many there are."""
+    """Write the weighted residuals of a hit (1 + 2 N,) into `out` and return how many there are."""
     constants = scene[0]
-    done = carry_out(hit, wish.face, path, period, scene)
+    done = carry_out(arm, hit, wish.face, path, period, scene)
     flight = return_flight(done.ball_out, scene)
     out[0:3] = done.off_centre / _CENTRING_M
     out[3] = (done.ball_out[7] - wish.spin_y) / _SPIN_RAD_S
@@ -173,55 +188,59 @@ def hit_residuals(
     out[12] = _excess(lower_edge, constants.table_top + BLADE_OVER_TABLE_M, np.inf) / _HEIGHT_EXCESS_M
     along = np.sum(done.paddle_turn * done.normal)
     out[13:16] = (done.paddle_turn - along * done.normal) / _BLADE_TURN_RAD_S
-    place = 16
-    for joint in range(7):
-        angle, rate = hit[1 + joint], hit[8 + joint]
+    count, place = len(arm[0].speed), _SCALAR_RESIDUALS
+    for joint in range(count):
+        angle, rate = hit[1 + joint], hit[1 + count + joint]
         out[place] = _excess(rate, -wish.highest_rate, wish.highest_rate) / _RATE_EXCESS
         out[place + 1] = rate / _RATE_EFFORT
-        out[place + 2] = _excess(angle, _LOWER[joint], _UPPER[joint]) / _ANGLE_EXCESS_RAD
+        out[place + 2] = _excess(angle, wish.lower[joint], wish.upper[joint]) / _ANGLE_EXCESS_RAD
         out[place + 3] = (angle - wish.posture[joint]) * wish.posture_weight
         out[place + 4] = (rate - wish.rates[joint]) * wish.rates_weight
-        place += 5
+        place += _RESIDUALS_A_JOINT
     return place
 
 
 @njit(cache=True, nogil=True)
 def solve_hit(
-    start: Array, wish: HitWish, path: Array, period: float, scene: NDArray[np.void], steps: int
+    arm: Arm, start: Array, wish: HitWish, path: Array, period: float, scene: NDArray[np.void], steps: int
 ) -> tuple[Array, float]:
-    """Best hit found from `start` (15,), and its cost (half the sum of squared residuals).
+    """Best hit found from `start` (1 + 2 N,), and its cost (half the sum of squared residuals).
 
     Parameters
     ----------
+    arm
+        `Robot.model`, of N joints.
     wish
         What is wanted.
     path, period
-        Path of the ball from its launch, rows `period` s apart, shape (N, 9).
+        Path of the ball from its launch, rows `period` s apart, shape (T, 9).
     steps
         Most Levenberg-Marquardt steps.
     """
     hit = start.copy()
-    residuals, probe = np.empty(_RESIDUALS), np.empty(_RESIDUALS)
-    count = hit_residuals(hit, wish, path, period, scene, residuals)
+    unknowns = len(start)
+    most = _SCALAR_RESIDUALS + _RESIDUALS_A_JOINT * len(arm[0].speed)
+    residuals, probe = np.empty(most), np.empty(most)
+    count = hit_residuals(arm, hit, wish, path, period, scene, residuals)
     cost = 0.5 * np.sum(residuals[:count] ** 2)
-    slopes = np.empty((count, HIT_SIZE))
+    slopes = np.empty((count, unknowns))
     damping = 1e-3
     for _ in range(steps):
-        for unknown in range(HIT_SIZE):
+        for unknown in range(unknowns):
             nudge = 1e-6
             moved = hit.copy()
             moved[unknown] += nudge
-            hit_residuals(moved, wish, path, period, scene, probe)
+            hit_residuals(arm, moved, wish, path, period, scene, probe)
             slopes[:, unknown] = (probe[:count] - residuals[:count]) / nudge
         gradient = slopes.T @ residuals[:count]
         curvature = slopes.T @ slopes
         before = cost
         for _ in range(8):
             damped = curvature.copy()
-            for unknown in range(HIT_SIZE):
+            for unknown in range(unknowns):
                 damped[unknown, unknown] += damping * (curvature[unknown, unknown] + 1e-6)
             moved = hit - np.linalg.solve(damped, gradient)
-            hit_residuals(moved, wish, path, period, scene, probe)
+            hit_residuals(arm, moved, wish, path, period, scene, probe)
             attempt = 0.5 * np.sum(probe[:count] ** 2)
             if attempt < cost:
                 hit, cost = moved, attempt

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import inverse_dynamics_into
 from msrd_ros.robots.inverse_kinematics import joint_rates_for_twist
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
@@ -19,20 +20,22 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def leading_wrench(position: Array, velocity: Array, acceleration: Array, joint_damping: Array) -> Array:
+def leading_wrench(
+    arm: Arm, position: Array, velocity: Array, acceleration: Array, joint_damping: Array
+) -> Array:
     """Force (N) over torque (Nm) at the paddle, shape (6,), that moves a floating arm like this.
 
     Parameters
     ----------
     position, velocity, acceleration
-        Of the joints, shape (7,); rad, rad/s, rad/s^2.
+        Of the joints, shape (N,); rad, rad/s, rad/s^2.
     joint_damping
-        Of the floating arm, shape (7,), Nm s.
+        Of the floating arm, shape (N,), Nm s.
     """
-    torque = np.empty(7)
-    inverse_dynamics_into(position, velocity, acceleration, 0.0, torque)
+    torque = np.empty(len(arm[0].speed))
+    inverse_dynamics_into(arm, position, velocity, acceleration, 0.0, torque)
     torque += joint_damping * velocity
-    jacobian = paddle_jacobian(position)
+    jacobian = paddle_jacobian(arm, position)
     gram = jacobian @ jacobian.T
     for row in range(6):
         gram[row, row] += 1e-6
@@ -43,6 +46,7 @@ def leading_wrench(position: Array, velocity: Array, acceleration: Array, joint_
 
 @njit(cache=True, nogil=True)
 def leading_hand(
+    arm: Arm,
     position: Array,
     velocity: Array,
     acceleration: Array,
@@ -58,7 +62,7 @@ def leading_hand(
     Parameters
     ----------
     position, velocity, acceleration
-        Where the joints shall be, shape (7,).
+        Where the joints shall be, shape (N,).
     stiffness, turn_stiffness
         Of the hand's grip, N/m and Nm/rad.
     skill
@@ -66,15 +70,17 @@ def leading_hand(
     offset, offset_rate
         Unwanted displacement of the hand (m over rad) and its rate, shape (6,).
     """
-    wrench = leading_wrench(position, velocity, acceleration, joint_damping)
-    centre, rotation = paddle_pose(position)
-    twist = paddle_jacobian(position) @ velocity + offset_rate
+    wrench = leading_wrench(arm, position, velocity, acceleration, joint_damping)
+    centre, rotation = paddle_pose(arm, position)
+    twist = paddle_jacobian(arm, position) @ velocity + offset_rate
     centre += skill * wrench[:3] / stiffness + offset[:3]
     rotation = turned(rotation, skill * wrench[3:] / turn_stiffness + offset[3:])
     return centre, quaternion_from_rotation(rotation), twist
 
 
 @njit(cache=True, nogil=True)
-def shifted_posture(position: Array, shift: Array) -> Array:
-    """Joint angles (7,) near `position` whose paddle is displaced by `shift` (m over rad, shape (6,))."""
-    return position + joint_rates_for_twist(paddle_jacobian(position), shift, np.zeros(7), 0.02)
+def shifted_posture(arm: Arm, position: Array, shift: Array) -> Array:
+    """Joint angles (N,) near `position` whose paddle is displaced by `shift` (m over rad, shape (6,))."""
+    return position + joint_rates_for_twist(
+        paddle_jacobian(arm, position), shift, np.zeros(len(position)), 0.02
+    )

@@ -1,35 +1,38 @@
 """Plans the six strokes of our own: a ready pose for each side, and from it a push, a slice and a topspin.
 
-Each side is one least-squares problem, `stroke_side`, solved from good postures that a seeded search around
-the arm's home finds; the best plan is taken whose ready pose the arm gets to and from without touching the
-table. Planning takes seconds; its result is kept beside this file and written by
-
-    python -m msrd_ros.table_tennis.teachers.planner --write
+Each side is one least-squares problem, `side`, solved from good postures that a seeded search within the
+robot's planning space finds; the best plan is taken whose ready pose the arm gets to and from without
+touching table, floor or itself. Planning takes a minute or two; its result is kept beside the robot's
+description, for the table and the nominal feeds as they are.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
+import hashlib
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.kinematics import link_frames, paddle_pose
-from msrd_ros.robots.limits import JointReference, shape_command, velocity_towards
+from msrd_ros.core.files import write_text
+from msrd_ros.robots.limits import JointReference
+from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.quintic import JointStroke, stroke_from_rest
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, SPEED_LIMIT_RAD_S
-from msrd_ros.robots.sawyer_description import BLADE_RADIUS_M
+from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.arm.collision_model import clearance, obstacle, self_clearance
+from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
-from msrd_ros.table_tennis.teachers.hit_solver import POSITION, RATE, TIME, solve_hit
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
+from msrd_ros.table_tennis.strategies.table import Side
+from msrd_ros.table_tennis.teachers.hit_solver import TIME, angles_of, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.side import (
-    CLEAR_OF_TABLE_M,
     PATH_PERIOD_S,
     PlannerConfig,
     SideProblem,
@@ -39,41 +42,40 @@ from msrd_ros.table_tennis.teachers.side import (
 
 Array = NDArray[np.float64]
 
-PLAN_FILE = Path(__file__).with_name("planned_strokes.json")
+PLAN_FILE = "strokes.yaml"
+"""Beside ``robot.yaml``."""
 
-_SEARCH_SD_RAD = 0.8
-_WRIST_SEARCH_RAD = (-3.2, 3.2)
 _ANOTHER_FAMILY_RAD = 0.3
-_NEAR_TABLE_X_M = -1.5
-_LONGEST_WAY_STEPS = 500
+_LONGEST_PATH_STEPS = 500
+_LEAST_ROOM_M = 0.03
 
 
 def plan_side(
-    side: Side, config: PlannerConfig, scene: Scene, feeder: Feeder, resting: list[Array]
-) -> dict[StrategyLabel, JointStroke]:
-    """Plan the three strokes of one side against its nominal feed, from random postures. Takes seconds.
+    robot: Robot, side: Side, config: PlannerConfig, scene: Scene, feeder: Feeder, resting: list[Array]
+) -> dict[PaperLabel, JointStroke]:
+    """Plan the three strokes of one side against its nominal feed, from random postures.
 
     Parameters
     ----------
-    side, config, scene, feeder
+    robot, side, config, scene, feeder
         What to plan for.
     resting
-        Postures (7,) that the arm comes from and goes to between strokes, clear of the table.
+        Postures (N,) that the arm comes from and goes to between strokes, clear of the table.
 
     Raises
     ------
     UserError
-        If no plan keeps clear of the table; more `searches` may find one.
+        If no plan keeps clear of table, floor and arm.
     """
     constants = scene.constants()
-    problem = SideProblem(side, config, feed_path(feeder.nominal(side), constants), constants)
+    problem = SideProblem(robot, side, config, feed_path(feeder.nominal(side), constants), constants)
     best = _solve_clear(problem, resting)
     return {
         label: stroke_from_rest(
-            best[:7],
+            best[: robot.joint_count],
             float(problem.hit(best, index)[TIME]),
-            problem.hit(best, index)[POSITION].copy(),
-            problem.hit(best, index)[RATE] * SPEED_LIMIT_RAD_S,
+            angles_of(problem.hit(best, index)).copy(),
+            rates_of(problem.hit(best, index)) * robot.limits.speed_rad_s,
             swing_s=config.swing_s,
             follow_s=config.follow_s,
         )
@@ -82,132 +84,173 @@ def plan_side(
 
 
 def _solve_clear(problem: SideProblem, resting: list[Array]) -> Array:
-    """The best plan of one side found whose ways to and from the resting postures are clear."""
-    config = problem.config
+    """The best plan of one side found whose paths to and from the resting postures are clear."""
+    config, robot = problem.config, problem.robot
+    count = robot.joint_count
     rng = np.random.default_rng(config.seed)
     guesses = []
     for _ in range(config.searches):
-        posture = HOME_POSTURE_RAD + _SEARCH_SD_RAD * rng.standard_normal(7)
-        posture[6] = rng.uniform(*_WRIST_SEARCH_RAD)
-        wish = wish_for(problem.labels[0], config, posture, 0.1)
-        start = np.concatenate([[config.hit_time_s], posture, np.zeros(7)])
-        push, cost = solve_hit(start, wish, problem.path, PATH_PERIOD_S, problem.scene, 80)
+        posture = rng.uniform(robot.planning.hit_lower_rad, robot.planning.hit_upper_rad)
+        wish = wish_for(robot, problem.labels[0], config, posture, 0.1)
+        start = np.concatenate([[config.hit_time_s], posture, np.zeros(count)])
+        push, cost = solve_hit(robot.model, start, wish, problem.path, PATH_PERIOD_S, problem.scene, 80)
         guesses.append((cost, push))
     guesses.sort(key=lambda guess: guess[0])
     starts = sorted((problem.start(push) for _, push in guesses[: 10 * config.refined]), key=lambda s: s[1])
     families: list[Array] = []
     for start, _ in starts:
-        another = all(np.abs(start[:7] - other[:7]).max() > _ANOTHER_FAMILY_RAD for other in families)
-        if another and len(families) < config.refined and _ways_are_clear(start[:7], resting):
+        ready = start[:count]
+        another = all(np.abs(ready - other[:count]).max() > _ANOTHER_FAMILY_RAD for other in families)
+        if another and len(families) < config.refined and _paths_are_clear(robot, ready, resting):
             families.append(start)
     plans = sorted((problem.solve(start) for start in families), key=lambda plan: plan[1])
     for plan, _ in plans:
-        if _ways_are_clear(plan[:7], resting):
+        if _paths_are_clear(robot, plan[:count], resting):
             return plan
-    raise UserError("stroke planner: no plan found that keeps clear of the table; raise searches or refined")
+    raise UserError(
+        f"{robot.folder}: no strokes found that keep clear of table and arm; move `base` in robot.yaml, or "
+        "widen what `planning` allows"
+    )
 
 
-def _ways_are_clear(ready: Array, resting: list[Array]) -> bool:
+def _paths_are_clear(robot: Robot, ready: Array, resting: list[Array]) -> bool:
     """Whether a ready pose can be reached from, and left for, every resting posture."""
-    ways = [(ready, other) for other in resting] + [(other, ready) for other in resting]
-    return all(lowest_on_path(start, goal) > CLEAR_OF_TABLE_M for start, goal in ways)
+    paths = [(ready, other) for other in resting] + [(other, ready) for other in resting]
+    return all(room_on_path(robot, start, goal) > _LEAST_ROOM_M for start, goal in paths)
 
 
-def lowest_on_path(start: Array, goal: Array) -> float:
-    """Least height in m of blade and forearm over the table, on the arm's own way between two postures.
+def room_on_path(robot: Robot, start: Array, goal: Array, scene: Scene | None = None) -> float:
+    """Least distance in m of the arm from table, floor, stand and itself, on the way from rest to rest.
 
-    The way is the one that the executor takes between strokes; infinite where it is never over the table.
+    The path is the one that the executor takes between strokes.
     """
-    reference = JointReference(start.copy(), np.zeros(7))
-    lowest = np.inf
-    for _ in range(_LONGEST_WAY_STEPS):
-        wanted = velocity_towards(reference, goal, CONTROL_PERIOD_S)
-        reference = shape_command(reference, wanted, CONTROL_PERIOD_S)
-        centre, rotation = paddle_pose(reference.position)
-        origins, _ = link_frames(reference.position)
-        edge = centre - BLADE_RADIUS_M * np.array([0.0, 0.0, np.sqrt(max(1.0 - rotation[2, 1] ** 2, 0.0))])
-        points = np.vstack([edge, origins[3:]])
-        near = points[:, 0] > _NEAR_TABLE_X_M
-        lowest = min(lowest, points[near, 2].min(initial=np.inf))
-        if np.abs(reference.position - goal).max() < 1e-3:
+    table = obstacle((scene or Scene()).table)
+    reference = JointReference(start.copy(), np.zeros_like(start))
+    path = find_path(robot, reference, goal)
+    least_m = np.inf
+    left: Any = path
+    for _ in range(_LONGEST_PATH_STEPS):
+        reference, left = follow_path(robot, reference, left, goal, CONTROL_PERIOD_S)
+        here = reference.position
+        least_m = min(least_m, clearance(robot.model, here, table), self_clearance(robot.model, here))
+        if not left and np.abs(here - goal).max() < 1e-3:
             break
-    return float(lowest)
+    return float(least_m)
 
 
 def plan_all(
-    config: PlannerConfig | None = None, scene: Scene | None = None, feeder: Feeder | None = None
-) -> dict[StrategyLabel, JointStroke]:
-    """Plan all six strokes."""
-    strokes: dict[StrategyLabel, JointStroke] = {}
-    resting = [HOME_POSTURE_RAD]
+    robot: Robot,
+    config: PlannerConfig | None = None,
+    scene: Scene | None = None,
+    feeder: Feeder | None = None,
+) -> dict[PaperLabel, JointStroke]:
+    """Plan all six strokes.
+
+    Raises
+    ------
+    UserError
+        If the arm cannot play them.
+    """
+    strokes: dict[PaperLabel, JointStroke] = {}
+    resting = [robot.home_rad.copy()]
     for side in Side:
-        plan = plan_side(side, config or PlannerConfig(), scene or Scene(), feeder or Feeder(), resting)
+        plan = plan_side(
+            robot, side, config or PlannerConfig(), scene or Scene(), feeder or Feeder(), resting
+        )
         strokes |= plan
         resting.append(next(iter(plan.values())).start.position)
     return strokes
 
 
-def write_strokes(strokes: dict[StrategyLabel, JointStroke], path: Path = PLAN_FILE) -> None:
-    """Keep planned strokes as JSON; times in s, angles in rad."""
+def plan_key(robot: Robot) -> str:
+    """Tells the arms and places apart that strokes are planned for, in few letters."""
+    return hashlib.sha256(robot.model.tobytes()).hexdigest()[:12]
+
+
+def write_strokes(robot: Robot, strokes: dict[PaperLabel, JointStroke], path: Path) -> None:
+    """Keep planned strokes as YAML; times in s, angles in rad.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
     document = {
         str(label): {
-            "ready_position": [round(float(value), 6) for value in stroke.start.position],
+            "ready_position": _rounded(stroke.start.position),
             "hit_time_s": round(stroke.hit_time_s, 6),
-            "hit_position": [round(float(value), 6) for value in stroke.hit_position],
-            "hit_velocity": [round(float(value), 6) for value in stroke.hit_velocity],
+            "hit_position": _rounded(stroke.hit_position),
+            "hit_velocity": _rounded(stroke.hit_velocity),
             "swing_s": round(stroke.hit_time_s - stroke.start_time_s, 6),
             "follow_s": round(stroke.follow_s, 6),
         }
         for label, stroke in strokes.items()
     }
-    path.write_text(json.dumps(document, indent=1) + "\n")
+    head = (
+        f"# Strokes planned for {robot.name} at the standard table; written by `python -m msrd_ros plan`.\n"
+        "# Times in s since the ball's launch, angles in rad. `planned_for` tells the arm as it was then.\n"
+    )
+    body = yaml.safe_dump(
+        {"planned_for": plan_key(robot), **document}, sort_keys=False, default_flow_style=None, width=110
+    )
+    write_text(path, head + body)
 
 
-@cache
-def planned_strokes(path: Path = PLAN_FILE) -> dict[StrategyLabel, JointStroke]:
-    """The kept strokes for the standard scene and the nominal feed.
+def _rounded(values: Array) -> list[float]:
+    return [round(float(value), 6) for value in values]
+
+
+def planned_strokes(
+    robot: Robot | None = None, tell: Callable[[str], None] = print
+) -> dict[PaperLabel, JointStroke]:
+    """The strokes kept for an arm, for the standard scene and the nominal feed; planned if there are none.
+
+    Parameters
+    ----------
+    robot
+        Which arm; the default one if None.
+    tell
+        Hears that strokes have to be planned first, which takes a while.
 
     Raises
     ------
     UserError
-        If the file is missing, damaged or incomplete.
+        If the file is damaged, incomplete or of another arm; or none can be planned.
     """
+    arm = robot or default_robot()
+    path = arm.folder / PLAN_FILE
+    if not path.exists():
+        tell(f"planning strokes for {arm.name}, once; a minute or two, kept in {path}")
+        write_strokes(arm, plan_all(arm), path)
+    return _read_strokes(path, path.stat().st_mtime_ns, plan_key(arm), arm.joint_count)
+
+
+@cache
+def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[PaperLabel, JointStroke]:
+    remedy = f"write them with python -m msrd_ros plan {path.parent}"
     try:
-        document = json.loads(path.read_text())
-        return {
-            label: stroke_from_rest(
-                np.array(document[str(label)]["ready_position"]),
-                float(document[str(label)]["hit_time_s"]),
-                np.array(document[str(label)]["hit_position"]),
-                np.array(document[str(label)]["hit_velocity"]),
-                swing_s=float(document[str(label)]["swing_s"]),
-                follow_s=float(document[str(label)]["follow_s"]),
-            )
-            for label in ALL_LABELS
-        }
-    except (OSError, ValueError, KeyError) as error:
-        raise UserError(
-            f"{path}: no usable planned strokes ({error!r}); "
-            "write them with python -m msrd_ros.table_tennis.teachers.planner --write"
-        ) from None
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        planned_for = document["planned_for"]
+        strokes = {label: _stroke(document[str(label)], joints) for label in ALL_LABELS}
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise UserError(f"{path}: no usable planned strokes ({error!r}); {remedy}") from None
+    if planned_for != key:
+        raise UserError(f"{path}: planned for the arm as it was ({planned_for}, now {key}); {remedy}")
+    return strokes
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Plan all strokes, show them, and keep them if asked to."""
-    parser = argparse.ArgumentParser(description="Plan the six strokes for the standard scene.")
-    parser.add_argument("--write", action="store_true", help=f"keep them in {PLAN_FILE.name}")
-    options = parser.parse_args(arguments)
-    strokes = plan_all()
-    for label, stroke in strokes.items():
-        speed, acceleration = stroke.peak_fractions()
-        print(
-            f"{label}: hit at {stroke.hit_time_s:.3f} s, at most {speed.max():.0%} of the speed limits and "
-            f"{acceleration.max():.0%} of the acceleration limits"
-        )
-    if options.write:
-        write_strokes(strokes)
-        print(f"written to {PLAN_FILE.name}")
-
-
-if __name__ == "__main__":
-    main()
+def _stroke(values: dict[str, Any], joints: int) -> JointStroke:
+    arrays = [
+        np.array(values[key], dtype=np.float64) for key in ("ready_position", "hit_position", "hit_velocity")
+    ]
+    if any(array.shape != (joints,) for array in arrays):
+        raise ValueError(f"not {joints} numbers for {joints} joints")
+    ready, position, velocity = arrays
+    return stroke_from_rest(
+        ready,
+        float(values["hit_time_s"]),
+        position,
+        velocity,
+        swing_s=float(values["swing_s"]),
+        follow_s=float(values["follow_s"]),
+    )

@@ -9,14 +9,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
+from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.quintic import JointStroke
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
+from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.guided_stroke import AttentionConfig, GuidedStroke, Intent
-from msrd_ros.table_tennis.teachers.hit_solver import POSITION, RATE, TIME, HitWish, solve_hit
+from msrd_ros.table_tennis.teachers.hit_solver import TIME, HitWish, angles_of, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from msrd_ros.table_tennis.teachers.side import PATH_PERIOD_S, PlannerConfig, face_sign, feed_path
 from msrd_ros.table_tennis.teachers.study_design import subject_name
@@ -47,6 +49,8 @@ class Teacher:
         The hand's grip, as the simulator has it.
     attention
         How the teacher reacts to the ball.
+    robot
+        The arm that is led, of N joints.
     """
 
     def __init__(
@@ -58,22 +62,26 @@ class Teacher:
         feeder: Feeder | None = None,
         grip: GuidanceConfig | None = None,
         attention: AttentionConfig | None = None,
+        robot: Robot | None = None,
     ) -> None:
+        self._robot = robot or default_robot()
         self.subject = subject
         self.population = population or PopulationConfig()
-        self.style = Style.draw(self.population, np.random.default_rng((seed, subject)))
+        self.style = Style.draw(
+            self.population, self._robot.joint_count, np.random.default_rng((seed, subject))
+        )
         self._scene = (scene or Scene()).constants()
         self._feeder = feeder or Feeder()
         self._grip = grip or GuidanceConfig()
         self._attention = attention or AttentionConfig()
-        self._intents: dict[StrategyLabel, Intent] = {}
+        self._intents: dict[PaperLabel, Intent] = {}
 
     @property
     def name(self) -> str:
         """For people and folders."""
         return subject_name(self.subject)
 
-    def begin(self, label: StrategyLabel, rng: np.random.Generator) -> GuidedStroke:
+    def begin(self, label: PaperLabel, rng: np.random.Generator) -> GuidedStroke:
         """Get ready for a stroke.
 
         Parameters
@@ -84,31 +92,35 @@ class Teacher:
             Draws everything that differs from stroke to stroke.
         """
         usual = self.intent(label)
-        start = usual.ready + self.population.start_rad * np.clip(rng.standard_normal(7), -2.5, 2.5)
+        start = usual.ready + self.population.start_rad * np.clip(
+            rng.standard_normal(self._robot.joint_count), -2.5, 2.5
+        )
         flaws = Flaws.draw(self.style, self.population, rng)
         intent = Intent(usual.hit, usual.wish, start, usual.swing_s, usual.follow_s)
-        return GuidedStroke(intent, flaws, self.style.skill, self._scene, self._grip, self._attention)
+        return GuidedStroke(
+            self._robot, intent, flaws, self.style.skill, self._scene, self._grip, self._attention
+        )
 
-    def intent(self, label: StrategyLabel) -> Intent:
+    def intent(self, label: PaperLabel) -> Intent:
         """What the teacher usually means to do: the planned stroke, made their own."""
         if label not in self._intents:
             self._intents[label] = self._practise(label)
         return self._intents[label]
 
-    def _practise(self, label: StrategyLabel) -> Intent:
+    def _practise(self, label: PaperLabel) -> Intent:
         style = self.style
-        planned = planned_strokes()[label]
-        start = _hit_of(planned)
+        planned = planned_strokes(self._robot)[label]
+        start = _hit_of(planned, self._robot)
         wish = self._wish(label, start)
         path = feed_path(self._feeder.nominal(label.side), self._scene)
-        hit, _ = solve_hit(start, wish, path, PATH_PERIOD_S, self._scene, _PRACTICE_STEPS)
+        hit, _ = solve_hit(self._robot.model, start, wish, path, PATH_PERIOD_S, self._scene, _PRACTICE_STEPS)
         # From here on the own posture and rates are the familiar ones.
-        wish = wish._replace(posture=hit[POSITION].copy(), rates=hit[RATE].copy())
+        wish = wish._replace(posture=angles_of(hit).copy(), rates=rates_of(hit).copy())
         swing_s = (planned.hit_time_s - planned.start_time_s) * style.swing
         ready = planned.start.position + style.ready_rad[label]
         return Intent(hit, wish, ready, swing_s, planned.follow_s)
 
-    def _wish(self, label: StrategyLabel, hit: Array) -> HitWish:
+    def _wish(self, label: PaperLabel, hit: Array) -> HitWish:
         style, planner = self.style, PlannerConfig()
         spin = planner.spin(label.stroke)
         spin += style.push_spin_rad_s if label.stroke is Stroke.PUSH else style.spin_fraction * spin
@@ -121,16 +133,18 @@ class Teacher:
             time=float(hit[TIME]) + style.hit_time_s[label],
             time_slack=_HIT_SLACK_S,
             highest_rate=0.85,
-            posture=hit[POSITION].copy(),
+            posture=angles_of(hit).copy(),
             posture_weight=_POSTURE_WEIGHT,
-            rates=hit[RATE].copy(),
+            rates=rates_of(hit).copy(),
             rates_weight=_RATES_WEIGHT,
+            lower=self._robot.planning.hit_lower_rad,
+            upper=self._robot.planning.hit_upper_rad,
         )
 
 
 def compile_ahead(teacher: Teacher, feeder: Feeder) -> None:
     """Let a teacher play against thin air, so that nothing has to be compiled while a ball is flying."""
-    label = StrategyLabel(Side.FOREHAND, Stroke.PUSH)
+    label = PaperLabel(Side.FOREHAND, Stroke.PUSH)
     stroke = teacher.begin(label, np.random.default_rng(0))
     path = feed_path(feeder.nominal(label.side), Scene().constants())
     for index in range(round(1.2 / PATH_PERIOD_S)):
@@ -139,6 +153,7 @@ def compile_ahead(teacher: Teacher, feeder: Feeder) -> None:
         stroke.hand_at(time_s, stroke.ready_posture)
 
 
-def _hit_of(stroke: JointStroke) -> Array:
-    """The hit (15,) of a planned stroke, in the layout of `hit_solver`."""
-    return np.concatenate([[stroke.hit_time_s], stroke.hit_position, stroke.hit_velocity / SPEED_LIMIT_RAD_S])
+def _hit_of(stroke: JointStroke, robot: Robot) -> Array:
+    """The hit (1 + 2 N,) of a planned stroke, in the layout of `hit_solver`."""
+    rates = stroke.hit_velocity / robot.limits.speed_rad_s
+    return np.concatenate([[stroke.hit_time_s], stroke.hit_position, rates])

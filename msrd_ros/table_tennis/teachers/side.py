@@ -14,24 +14,27 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
+from msrd_ros.core.paddle import BLADE_RADIUS_M
+from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import inverse_dynamics_into
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
 from msrd_ros.robots.quintic import follow_state, swing_state
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
-from msrd_ros.robots.sawyer_description import BLADE_RADIUS_M
+from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.arm.collision_model import self_clearance
 from msrd_ros.table_tennis.ball.feeder import Feed
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.hit_solver import (
-    HIT_SIZE,
-    POSITION,
-    RATE,
     HitWish,
+    angles_of,
     hit_residuals,
+    hit_size,
+    rates_of,
     solve_hit,
 )
+from msrd_ros.table_tennis.teachers.impedance_guidance import leading_wrench
 
 Array = NDArray[np.float64]
 
@@ -42,9 +45,14 @@ PATH_ROWS = 260
 CLEAR_OF_TABLE_M = 0.86
 """Least height of the blade's edge near the table, 10 cm over its top."""
 
-_SPEED_LIMIT = SPEED_LIMIT_RAD_S.copy()
-_ACCELERATION_LIMIT = ACCELERATION_LIMIT_RAD_S2.copy()
-_TEACH_DAMPING = np.array(GuidanceConfig().joint_damping_nm_s)
+_DIRECTIONS = 6
+"""Of the paddle: what a hand can lead."""
+_HAND_SHARE = 0.85
+_HAND_N = _HAND_SHARE * GuidanceConfig().force_limit_n
+_HAND_NM = _HAND_SHARE * GuidanceConfig().torque_limit_nm
+"""What the hand that leads the arm is asked for at most."""
+LEAST_ROOM_M = 0.04
+"""Between parts of the arm, and to its stand."""
 _STROKES = tuple(Stroke)
 _PHASES = np.linspace(0.0, 1.0, 13)[1:-1]
 
@@ -55,6 +63,8 @@ _HEIGHT_EXCESS_M = 0.01
 _POSTURE_EXCESS_RAD = 0.02
 _UNLED_TORQUE_NM = 2.0
 _MIDDLE_PULL = 0.15
+_HAND_EXCESS_N = 5.0
+_HAND_EXCESS_NM = 0.5
 
 _TABLE_NEAR_X_M = -1.65
 
@@ -119,8 +129,10 @@ def feed_path(feed: Feed, scene: NDArray[np.void]) -> Array:
     return ball_path(feed.state(), PATH_PERIOD_S, PATH_ROWS, scene)
 
 
-def wish_for(label: StrategyLabel, config: PlannerConfig, posture: Array, posture_weight: float) -> HitWish:
-    """The hit that a stroke asks for, near to a posture (7,)."""
+def wish_for(
+    robot: Robot, label: PaperLabel, config: PlannerConfig, posture: Array, posture_weight: float
+) -> HitWish:
+    """The hit that a stroke asks for, near to a posture (N,)."""
     return HitWish(
         face=face_sign(label.side),
         spin_y=config.spin(label.stroke),
@@ -131,109 +143,145 @@ def wish_for(label: StrategyLabel, config: PlannerConfig, posture: Array, postur
         highest_rate=config.highest_rate,
         posture=posture,
         posture_weight=posture_weight,
-        rates=np.zeros(7),
+        rates=np.zeros(robot.joint_count),
         rates_weight=0.0,
+        lower=robot.planning.hit_lower_rad,
+        upper=robot.planning.hit_upper_rad,
     )
 
 
 @njit(cache=True, nogil=True)
 def _motion_residuals(
-    ready: Array, hit: Array, swing_s: float, follow_s: float, rate: float, acceleration: float, out: Array
+    arm: Arm,
+    damping: Array,
+    lower: Array,
+    upper: Array,
+    ready: Array,
+    hit: Array,
+    swing_s: float,
+    follow_s: float,
+    rate: float,
+    acceleration: float,
+    out: Array,
 ) -> int:
     """Residuals of the motion from the ready pose through a hit to rest; returns how many."""
-    rest = np.zeros(7)
-    position, velocity = hit[1:8], hit[8:15] * _SPEED_LIMIT
+    count, speed_limit, acceleration_limit = len(arm[0].speed), arm[0].speed, arm[0].acceleration
+    rest = np.zeros(count)
+    position, velocity = hit[1 : 1 + count], hit[1 + count : 1 + 2 * count] * speed_limit
     place = 0
     for phase in _PHASES:
         there, speed, change = swing_state(ready, rest, rest, position, velocity, swing_s, phase)
-        for joint in range(7):
-            out[place] = max(abs(speed[joint]) / _SPEED_LIMIT[joint] - rate, 0.0) / _RATE_EXCESS
-            over = abs(change[joint]) / _ACCELERATION_LIMIT[joint] - acceleration
+        for joint in range(count):
+            out[place] = max(abs(speed[joint]) / speed_limit[joint] - rate, 0.0) / _RATE_EXCESS
+            over = abs(change[joint]) / acceleration_limit[joint] - acceleration
             out[place + 1] = max(over, 0.0) / _RATE_EXCESS
             place += 2
-        out[place] = _table_residual(there)
-        out[place + 1] = _unled_torque(there, speed, change) / _UNLED_TORQUE_NM
-        place += 2
+        place = _leading_residuals(arm, damping, there, speed, change, out, place)
         there, speed, change = follow_state(position, velocity, follow_s, phase)
-        out[place] = _unled_torque(there, speed, change) / _UNLED_TORQUE_NM
-        place += 1
+        place = _leading_residuals(arm, damping, there, speed, change, out, place)
     # Straight from the ready pose: what the swing has to travel beyond its run-up costs a little.
-    out[place : place + 7] = (position - ready - 0.5 * swing_s * velocity) / (
-        _DETOUR * swing_s * _SPEED_LIMIT
+    out[place : place + count] = (position - ready - 0.5 * swing_s * velocity) / (
+        _DETOUR * swing_s * speed_limit
     )
-    place += 7
+    place += count
     end, _, _ = follow_state(position, velocity, follow_s, 1.0)
-    out[place] = _table_residual(end)
-    out[place + 1 : place + 8] = _posture_excess(end)
-    return place + 8
+    out[place] = _room_residual(arm, end)
+    out[place + 1 : place + 1 + count] = _posture_excess(end, lower, upper)
+    return place + 1 + count
 
 
 @njit(cache=True, nogil=True)
-def _unled_torque(joints: Array, rates: Array, accelerations: Array) -> float:
+def _leading_residuals(
+    arm: Arm, damping: Array, joints: Array, rates: Array, accelerations: Array, out: Array, place: int
+) -> int:
+    """Residuals of a moment in which the arm is led: room, and what the hand has to give."""
+    out[place] = _room_residual(arm, joints)
+    out[place + 1] = _unled_torque(arm, damping, joints, rates, accelerations) / _UNLED_TORQUE_NM
+    wrench = leading_wrench(arm, joints, rates, accelerations, damping)
+    out[place + 2] = max(np.sqrt(np.sum(wrench[:3] ** 2)) - _HAND_N, 0.0) / _HAND_EXCESS_N
+    out[place + 3] = max(np.sqrt(np.sum(wrench[3:] ** 2)) - _HAND_NM, 0.0) / _HAND_EXCESS_NM
+    return place + 4
+
+
+@njit(cache=True, nogil=True)
+def _unled_torque(arm: Arm, damping: Array, joints: Array, rates: Array, accelerations: Array) -> float:
     """Torque in Nm along the arm's spare degree of freedom: what a hand at the paddle cannot give.
 
-    A motion without it is the one that the arm takes by itself when the paddle is led through it.
+    A motion without it is the one that the arm takes by itself when the paddle is led through it. An arm of
+    six joints has no such freedom; of an arm with two or more only that of its first joints is looked at.
     """
-    jacobian = paddle_jacobian(joints)
-    spare = np.empty(7)
-    minor = np.empty((6, 6))
-    for joint in range(7):
+    count = len(arm[0].speed)
+    if count <= _DIRECTIONS:
+        return 0.0
+    jacobian = paddle_jacobian(arm, joints)
+    spare = np.zeros(count)
+    minor = np.empty((_DIRECTIONS, _DIRECTIONS))
+    for joint in range(_DIRECTIONS + 1):
         minor[:, :joint] = jacobian[:, :joint]
-        minor[:, joint:] = jacobian[:, joint + 1 :]
+        minor[:, joint:] = jacobian[:, joint + 1 : _DIRECTIONS + 1]
         spare[joint] = np.linalg.det(minor) * (1.0 - 2.0 * (joint % 2))
-    torque = np.empty(7)
-    inverse_dynamics_into(joints, rates, accelerations, 0.0, torque)
+    torque = np.empty(count)
+    inverse_dynamics_into(arm, joints, rates, accelerations, 0.0, torque)
     length = np.sqrt(np.sum(spare * spare)) + 1e-12
-    effort: float = np.sum(spare * (torque + _TEACH_DAMPING * rates)) / length
+    effort: float = np.sum(spare * (torque + damping * rates)) / length
     return effort
 
 
 @njit(cache=True, nogil=True)
-def _table_residual(joints: Array) -> float:
-    """Blade's lower edge less than 10 cm over the table, where the table may be near."""
-    centre, rotation = paddle_pose(joints)
+def _room_residual(arm: Arm, joints: Array) -> float:
+    """Blade's lower edge less than 10 cm over the table, where it may be near; or arm too near to arm."""
+    centre, rotation = paddle_pose(arm, joints)
     edge = centre[2] - BLADE_RADIUS_M * np.sqrt(max(1.0 - rotation[2, 1] ** 2, 0.0))
-    return max(CLEAR_OF_TABLE_M - edge, 0.0) / _HEIGHT_EXCESS_M if centre[0] > _TABLE_NEAR_X_M else 0.0
+    low = max(CLEAR_OF_TABLE_M - edge, 0.0) if centre[0] > _TABLE_NEAR_X_M else 0.0
+    return (low + max(LEAST_ROOM_M - self_clearance(arm, joints), 0.0)) / _HEIGHT_EXCESS_M
 
 
 @njit(cache=True, nogil=True)
-def _posture_excess(joints: Array) -> Array:
+def _posture_excess(joints: Array, lower: Array, upper: Array) -> Array:
     """Beyond the postures that look like a table tennis player."""
-    upper = np.array([1.25, 0.85, 2.75, 2.75, 2.8, 2.8, 4.0])
-    lower = np.array([-1.25, -1.85, -2.75, -2.75, -2.8, -2.8, -4.0])
     excess: Array = np.maximum(joints - upper, 0.0) + np.minimum(joints - lower, 0.0)
     return excess / _POSTURE_EXCESS_RAD
 
 
 class SideProblem:
-    """Ready pose and three hits of one side as one vector of 7 + 3 * 15 unknowns."""
+    """Ready pose and three hits of one side as one vector of N + 3 (1 + 2 N) unknowns."""
 
-    def __init__(self, side: Side, config: PlannerConfig, path: Array, scene: NDArray[np.void]) -> None:
+    def __init__(
+        self, robot: Robot, side: Side, config: PlannerConfig, path: Array, scene: NDArray[np.void]
+    ) -> None:
+        self.robot = robot
         self.config, self.path, self.scene = config, path, scene
-        self.labels = [StrategyLabel(side, stroke) for stroke in _STROKES]
-        self._buffer = np.empty(1000)
+        self.labels = [PaperLabel(side, stroke) for stroke in _STROKES]
+        self._size = hit_size(robot.joint_count)
+        self._buffer = np.empty(4000)
 
     def start(self, push: Array) -> tuple[Array, float]:
         """First guess from the hit of a push; and its cost."""
         hits, cost = [], 0.0
         for label in self.labels:
-            wish = wish_for(label, self.config, push[POSITION].copy(), 0.3)
-            hit, rest = solve_hit(push, wish, self.path, PATH_PERIOD_S, self.scene, 60)
+            wish = wish_for(self.robot, label, self.config, angles_of(push).copy(), 0.3)
+            hit, rest = solve_hit(self.robot.model, push, wish, self.path, PATH_PERIOD_S, self.scene, 60)
             hits.append(hit)
             cost += rest
-        run_up = [hit[POSITION] - 0.5 * self.config.swing_s * hit[RATE] * _SPEED_LIMIT for hit in hits]
+        half_s, speed = 0.5 * self.config.swing_s, self.robot.limits.speed_rad_s
+        run_up = [angles_of(hit) - half_s * rates_of(hit) * speed for hit in hits]
         return np.concatenate([np.mean(run_up, axis=0), *hits]), cost
 
     def residuals(self, unknowns: Array) -> Array:
         """All residuals, shape (R,)."""
-        config, out = self.config, self._buffer
-        ready = unknowns[:7]
+        config, out, robot = self.config, self._buffer, self.robot
+        planning, damping, count = robot.planning, robot.floating.joint_damping_nm_s, robot.joint_count
+        ready = unknowns[:count]
         place = 0
         for index, label in enumerate(self.labels):
             hit = self.hit(unknowns, index)
-            wish = wish_for(label, config, ready, 0.1)
-            place += hit_residuals(hit, wish, self.path, PATH_PERIOD_S, self.scene, out[place:])
+            wish = wish_for(robot, label, config, ready, 0.1)
+            place += hit_residuals(robot.model, hit, wish, self.path, PATH_PERIOD_S, self.scene, out[place:])
             place += _motion_residuals(
+                robot.model,
+                damping,
+                planning.rest_lower_rad,
+                planning.rest_upper_rad,
                 ready,
                 hit,
                 config.swing_s,
@@ -242,16 +290,20 @@ class SideProblem:
                 config.highest_acceleration,
                 out[place:],
             )
-        out[place : place + 7] = _posture_excess(ready)
-        out[place + 7 : place + 13] = ready[:6] * _MIDDLE_PULL
-        return out[: place + 13].copy()
+        out[place : place + count] = _posture_excess(ready, planning.rest_lower_rad, planning.rest_upper_rad)
+        # Not the last joint: how the handle is held is the hit's own.
+        out[place + count : place + 2 * count - 1] = (ready - planning.middle_rad)[:-1] * _MIDDLE_PULL
+        return out[: place + 2 * count - 1].copy()
 
     def hit(self, unknowns: Array, index: int) -> Array:
-        """The hit (15,) of one of the three strokes."""
-        return unknowns[7 + HIT_SIZE * index : 7 + HIT_SIZE * (index + 1)]
+        """The hit (1 + 2 N,) of one of the three strokes."""
+        first = self.robot.joint_count + self._size * index
+        return unknowns[first : first + self._size]
 
     def solve(self, start: Array, evaluations: int = 150) -> tuple[Array, float]:
         """Refine a first guess; returns the unknowns and the cost."""
-        scale = np.concatenate([np.full(7, 0.3), np.tile(np.r_[0.02, np.full(14, 0.3)], len(_STROKES))])
+        count = self.robot.joint_count
+        one = np.r_[0.02, np.full(2 * count, 0.3)]
+        scale = np.concatenate([np.full(count, 0.3), np.tile(one, len(_STROKES))])
         found = least_squares(self.residuals, start, x_scale=scale, max_nfev=evaluations)
         return found.x, float(found.cost)

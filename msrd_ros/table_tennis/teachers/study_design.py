@@ -15,13 +15,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from msrd_ros.contract.labels import Side, StrategyLabel, Stroke
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.core.errors import UserError
+from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side, Strategies
 
 Order = TypeVar("Order")
 
-Condition = tuple[int, StrategyLabel]
+Condition = tuple[int, PaperLabel]
 """Index of a subject and what it shows."""
 
 
@@ -72,21 +73,8 @@ class Verdict(StrEnum):
 SPEED_TOLERANCE = 1.01
 """Fraction of a joint's speed limit above which a stroke is refused."""
 
-MOST_PUSH_SPIN_RAD_S = 40.0
-LEAST_STROKE_SPIN_RAD_S = 65.0
-"""A push has at most so much spin about y right after the hit, a slice or topspin at least so much."""
 
-
-def spin_class(spin_y_rad_s: float) -> Stroke | None:
-    """The stroke that a spin about y (rad/s, topspin positive) looks like; None if like none clearly."""
-    if abs(spin_y_rad_s) <= MOST_PUSH_SPIN_RAD_S:
-        return Stroke.PUSH
-    if abs(spin_y_rad_s) < LEAST_STROKE_SPIN_RAD_S:
-        return None
-    return Stroke.TOPSPIN if spin_y_rad_s > 0.0 else Stroke.SLICE
-
-
-def judge_stroke(label: StrategyLabel, outcome: Outcome, peak_speed_fraction: float) -> Verdict:
+def judge_stroke(label: PaperLabel, outcome: Outcome, peak_speed_fraction: float) -> Verdict:
     """Whether a recorded stroke is kept, and if not, why.
 
     Parameters
@@ -102,7 +90,8 @@ def judge_stroke(label: StrategyLabel, outcome: Outcome, peak_speed_fraction: fl
         return Verdict.TOO_FAST
     if not outcome.returned:
         return Verdict.NOT_RETURNED
-    if spin_class(outcome.spin_y_rad_s) is not label.stroke:
+    spin = Strategies.shipped().of(label).spin
+    if spin is not None and spin.distance(outcome.spin_y_rad_s) > 0.0:
         return Verdict.WRONG_SPIN
     return Verdict.KEPT
 
@@ -112,7 +101,7 @@ def subject_name(index: int) -> str:
     return f"subject_{index + 1:02d}"
 
 
-def condition_orders(subjects: int, rng: np.random.Generator) -> list[tuple[StrategyLabel, ...]]:
+def condition_orders(subjects: int, rng: np.random.Generator) -> list[tuple[PaperLabel, ...]]:
     """Order of the six conditions for each subject.
 
     A subject finishes one side before the other. Over the subjects, each order of the sides comes up
@@ -124,7 +113,7 @@ def condition_orders(subjects: int, rng: np.random.Generator) -> list[tuple[Stra
     second_strokes = _balanced(list(itertools.permutations(Stroke)), subjects, rng)
     return [
         tuple(
-            StrategyLabel(side, stroke)
+            PaperLabel(side, stroke)
             for side, strokes in zip(sides, blocks, strict=True)
             for stroke in strokes
         )
@@ -159,7 +148,7 @@ class Trial:
     """
 
     subject: int
-    label: StrategyLabel
+    label: PaperLabel
     practice: bool
     attempt: int
     number: int

@@ -8,8 +8,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.core.errors import UserError
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 
 Array = NDArray[np.float64]
 
@@ -80,18 +80,18 @@ class PopulationConfig:
 class Style:
     """One teacher's own ways; see `PopulationConfig`. Per label where the strokes may differ."""
 
-    hit_time_s: dict[StrategyLabel, float]
+    hit_time_s: dict[PaperLabel, float]
     timing_s: float
-    landing_m: dict[StrategyLabel, tuple[float, float]]
+    landing_m: dict[PaperLabel, tuple[float, float]]
     spin_fraction: float
     push_spin_rad_s: float
     swing: float
-    ready_rad: dict[StrategyLabel, Array]
+    ready_rad: dict[PaperLabel, Array]
     skill: float
     slip: float
 
     @classmethod
-    def draw(cls, config: PopulationConfig, rng: np.random.Generator) -> Style:
+    def draw(cls, config: PopulationConfig, joints: int, rng: np.random.Generator) -> Style:
         """A teacher from the population."""
 
         def normal(sd: float) -> float:
@@ -107,7 +107,8 @@ class Style:
             push_spin_rad_s=normal(config.push_spin_rad_s),
             swing=float(rng.uniform(config.swing_shortest, config.swing_longest)),
             ready_rad={
-                label: config.ready_rad * np.clip(rng.standard_normal(7), -2.0, 2.0) for label in ALL_LABELS
+                label: config.ready_rad * np.clip(rng.standard_normal(joints), -2.0, 2.0)
+                for label in ALL_LABELS
             },
             skill=float(rng.uniform(config.skill_least, 1.0)),
             slip=float(rng.uniform(config.slip_least, config.slip_most)),

@@ -21,6 +21,8 @@ from msrd_ros.studies.hopper.environment import (  # noqa: E402
 )
 from msrd_ros.studies.hopper.task import make_autoreset, make_collector  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 
 def test_equal_to_gymnasium_step_by_step() -> None:
     batched = Hopper(60)

@@ -15,6 +15,8 @@ from msrd_ros.studies.inverted_pendulum.environment import InvertedPendulum, has
 from msrd_ros.studies.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
 
+pytestmark = pytest.mark.slow
+
 mujoco = pytest.importorskip("mujoco")
 gymnasium = pytest.importorskip("gymnasium")
 

@@ -12,11 +12,10 @@ import pytest
 from scipy.stats import friedmanchisquare
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, HORIZON, Episode
-from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.rewards import RewardForm
-from msrd_ros.studies.table_tennis.methods import MAIN_METHODS, Budget, Method, make_training
+from msrd_ros.studies.table_tennis.methods import MAIN_METHODS, METHODS, Budget, make_training
 from msrd_ros.studies.table_tennis.playing import (
     Conditions,
     ReplayedMotions,
@@ -33,7 +32,11 @@ from msrd_ros.studies.table_tennis.undone import undo_return, untouched_path
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, WIDE, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 from quick_studies import play
+
+pytestmark = pytest.mark.slow
 
 LABELS = [str(label) for label in ALL_LABELS]
 
@@ -67,7 +70,7 @@ def test_quick_study_takes_less_than_a_minute_of_computing(quick: tuple[Path, fl
 def test_metrics_hold_every_method_label_and_seed(metrics: dict[str, Any]) -> None:
     assert metrics["study"] == "table_tennis"
     assert metrics["seeds"] == [0]
-    assert set(metrics["methods"]) == {method.value for method in MAIN_METHODS}
+    assert set(metrics["methods"]) == set(MAIN_METHODS)
     for method in metrics["methods"].values():
         assert list(method["labels"]) == LABELS
         for row in method["labels"].values():
@@ -255,15 +258,15 @@ def test_replay_on_the_demonstrations_own_feed_and_posture_strikes(data: StudyDa
 @pytest.mark.parametrize(
     ("method", "form", "cross"),
     [
-        (Method.MSRD, RewardForm.TWO_COLUMN, True),
-        (Method.MSRD_AS_PRINTED, RewardForm.TWO_COLUMN, False),
-        (Method.AIRL, RewardForm.TASK_ONLY, False),
-        (Method.AIRL_EACH, RewardForm.STRATEGY_ONLY, False),
-        (Method.AIRL_EACH_CROSS, RewardForm.STRATEGY_ONLY, True),
+        ("msrd", RewardForm.TWO_COLUMN, True),
+        ("msrd_as_printed", RewardForm.TWO_COLUMN, False),
+        ("airl", RewardForm.TASK_ONLY, False),
+        ("airl_each", RewardForm.STRATEGY_ONLY, False),
+        ("airl_each_cross", RewardForm.STRATEGY_ONLY, True),
     ],
 )
-def test_methods_are_what_they_say(data: StudyData, method: Method, form: RewardForm, cross: bool) -> None:
-    config = make_training(method, data, Budget(), 0).trainer.config
+def test_methods_are_what_they_say(data: StudyData, method: str, form: RewardForm, cross: bool) -> None:
+    config = make_training(METHODS[method], data, Budget(), 0).trainer.config
     assert config.reward.form is form
     assert (config.discriminator.cross_weight > 0.0) is cross
     assert not config.cloning.recovery_labels
@@ -276,22 +279,22 @@ def test_every_condition_has_a_file_of_its_own() -> None:
 
 def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> None:
     budget = Budget(iterations=1, episodes=4, cloning_steps=5, threads=1)
-    training = make_training(Method.MSRD_PER_STROKE, data, budget, 0)
+    training = make_training(METHODS["msrd_per_stroke"], data, budget, 0)
     assert training.reward_groups == ("push", "slice", "topspin")
-    assert training.trainer.rewards.strategy_network.copies == 3
+    assert training.trainer.averaged_rewards.strategy_network.copies == 3
     assert training.strategy_matrix(data.held_out).shape == (3, 3)
     _, strategies = training.rewards_of(data.held_out[0].observations[None], 0)
     assert strategies[0] == strategies[3]
     training.trainer.clone()
     assert training.trainer.iterate()["environment_steps"] > 0
-    assert make_training(Method.MSRD, data, Budget(), 0).reward_groups == tuple(map(str, ALL_LABELS))
+    assert make_training(METHODS["msrd"], data, Budget(), 0).reward_groups == tuple(map(str, ALL_LABELS))
 
 
 def test_corrective_start_and_worse_conditions_are_what_they_say(data: StudyData) -> None:
-    corrective = make_training(Method.MSRD_CORRECTIVE_START, data, Budget(), 0).trainer.config
+    corrective = make_training(METHODS["msrd_corrective_start"], data, Budget(), 0).trainer.config
     assert corrective.cloning.recovery_labels
-    randomised = make_training(Method.MSRD_RANDOMISED, data, Budget(), 0)
-    usual = make_training(Method.MSRD, data, Budget(), 0)
+    randomised = make_training(METHODS["msrd_randomised"], data, Budget(), 0)
+    usual = make_training(METHODS["msrd"], data, Budget(), 0)
     assert randomised.trainer.config == usual.trainer.config
     variation = randomised.simulator.config.variation
     assert (variation.feed_spread, variation.camera_noise_m, variation.camera_latency_s) == (

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.robots.limits import JointReference
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import HOME_POSTURE_RAD, ROBOT
 
 OVER_THE_TABLE = np.array([-0.15, -0.16, -0.26, 0.70, -1.16, 0.52, 0.24])
 """Where a badly trained slice once ended: the straight path to its own ready pose grazes the table."""
@@ -27,14 +27,14 @@ def world() -> Iterator[World]:
     world.close()
 
 
-def ready_pose(label: StrategyLabel) -> np.ndarray:
+def ready_pose(label: PaperLabel) -> np.ndarray:
     return planned_strokes()[label].start.position
 
 
 def strays_on_the_way(world: World, start: np.ndarray, goal: np.ndarray) -> int:
     """Lead an arm from rest to rest; how often it was held back further than tracking allows."""
     world.rally.reset(start)
-    player = StrokePlayer(start)
+    player = StrokePlayer(ROBOT, start)
     player.prepare(None, goal)
     strays = 0
     for _ in range(600):
@@ -49,9 +49,10 @@ def strays_on_the_way(world: World, start: np.ndarray, goal: np.ndarray) -> int:
     return strays
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ended", ALL_LABELS)
 def test_the_arm_gets_from_the_end_of_every_stroke_to_every_ready_pose(
-    world: World, ended: StrategyLabel
+    world: World, ended: PaperLabel
 ) -> None:
     end = planned_strokes()[ended].at(2.0).position
     assert [strays_on_the_way(world, end, ready_pose(label)) for label in ALL_LABELS] == [0] * 6
@@ -59,9 +60,9 @@ def test_the_arm_gets_from_the_end_of_every_stroke_to_every_ready_pose(
 
 def test_an_arm_low_over_the_table_is_lifted_first(world: World) -> None:
     goal = ready_pose(ALL_LABELS[1])
-    assert find_path(JointReference(OVER_THE_TABLE, np.zeros(7)), goal) != []
+    assert find_path(ROBOT, JointReference(OVER_THE_TABLE, np.zeros(7)), goal) != []
     assert strays_on_the_way(world, OVER_THE_TABLE, goal) == 0
 
 
 def test_where_nothing_is_in_the_way_it_is_straight() -> None:
-    assert find_path(JointReference(HOME_POSTURE_RAD, np.zeros(7)), ready_pose(ALL_LABELS[0])) == []
+    assert find_path(ROBOT, JointReference(HOME_POSTURE_RAD, np.zeros(7)), ready_pose(ALL_LABELS[0])) == []

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import Side
 from msrd_ros.table_tennis.ball.feeder import EASY, NO_SPREAD, STANDARD, Feed, Feeder, FeedSpread
 from msrd_ros.table_tennis.ball.referee import MISSED, new_referees
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.step import step_ball
 from msrd_ros.table_tennis.ball.surfaces import FLOOR, NO_PADDLE, TABLE
+from msrd_ros.table_tennis.strategies.table import Side
 
 CONSTANTS = Scene().constants()
 

@@ -14,11 +14,9 @@ from msrd_ros.contract.episode import (
     HORIZON,
     action_to_velocity,
 )
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.limits import JointReference, shape_command
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.ball.referee import miss_reason
 from msrd_ros.table_tennis.simulation.batched import (
@@ -29,7 +27,11 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.simulation.rally import Rally
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ARM, ROBOT, SPEED_LIMIT_RAD_S
+
+pytestmark = pytest.mark.slow
 
 EPISODES = 50
 """Of each label."""
@@ -56,8 +58,8 @@ def play_in_bullet(rally: Rally, feed: np.ndarray, ready: np.ndarray, actions: n
     paddle, ball = [rally.paddle.position], [rally.ball]
     for tick in range(HORIZON):
         acting = FIRST_ACTING_STEP <= tick < FIRST_ACTING_STEP + ACTING_STEPS
-        wanted = action_to_velocity(actions[tick - FIRST_ACTING_STEP]) if acting else np.zeros(7)
-        reference = shape_command(reference, wanted, CONTROL_PERIOD_S)
+        wanted = action_to_velocity(ROBOT, actions[tick - FIRST_ACTING_STEP]) if acting else np.zeros(7)
+        reference = shape_command(ROBOT, reference, wanted, CONTROL_PERIOD_S)
         rally.command(reference.position, reference.velocity, CONTROL_PERIOD_S)
         rally.advance(CONTROL_PERIOD_S)
         paddle.append(rally.paddle.position)
@@ -130,7 +132,7 @@ def test_paddles_take_the_same_path(comparison: Comparison) -> None:
     apart = []
     for row, episodes in zip(comparison.observations, comparison.bullet, strict=True):
         for seen, episode in zip(row, episodes, strict=True):
-            centres = np.array([paddle_pose(joints)[0] for joints in seen[:, :7]])
+            centres = np.array([paddle_pose(ARM, joints)[0] for joints in seen[:, :7]])
             apart.append(np.linalg.norm(centres - episode.paddle[FIRST_ACTING_STEP + 1 :], axis=1))
     assert np.percentile(apart, 99.5) < 0.001
     # One clumsy stroke in 300 ends so low that the driver stops it above the table.

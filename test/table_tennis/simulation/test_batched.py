@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity
-from msrd_ros.contract.labels import Side
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.rollouts import BatchedEnvironment
 from msrd_ros.robots.kinematics import place_moving_paddle
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2, JointReference, shape_command
-from msrd_ros.robots.sawyer import POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
+from msrd_ros.robots.limits import JointReference, shape_command
 from msrd_ros.table_tennis.ball.feeder import NO_SPREAD, STANDARD, Feeder
 from msrd_ros.table_tennis.ball.referee import RETURNED, new_referees
 from msrd_ros.table_tennis.ball.scene import Scene
@@ -22,6 +20,17 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyPlan,
     RallyVariation,
 )
+from msrd_ros.table_tennis.strategies.table import Side
+from sawyer import (
+    ACCELERATION_LIMIT_RAD_S2,
+    ARM,
+    POSITION_LOWER_RAD,
+    POSITION_UPPER_RAD,
+    ROBOT,
+    SPEED_LIMIT_RAD_S,
+)
+
+pytestmark = pytest.mark.slow
 
 SCENE = Scene()
 READY = {
@@ -89,16 +98,16 @@ def test_a_plain_loop_of_the_same_functions_gives_the_same_numbers() -> None:
         for tick in range(HORIZON):
             wanted = np.zeros(7)
             if 1 <= tick <= ACTING_STEPS:
-                wanted = action_to_velocity(actions[side, episode, tick - 1])
-            following = shape_command(reference, wanted, CONTROL_PERIOD_S)
+                wanted = action_to_velocity(ROBOT, actions[side, episode, tick - 1])
+            following = shape_command(ROBOT, reference, wanted, CONTROL_PERIOD_S)
             change = following.velocity - reference.velocity
-            place_moving_paddle(*reference, before)
+            place_moving_paddle(ARM, *reference, before)
             for index in range(20):
                 share = (index + 1) / 20
                 position = reference.position + share * CONTROL_PERIOD_S * (
                     reference.velocity + 0.5 * share * change
                 )
-                place_moving_paddle(position, reference.velocity + share * change, after)
+                place_moving_paddle(ARM, position, reference.velocity + share * change, after)
                 time = tick * CONTROL_PERIOD_S + index * 0.001
                 step_ball(ball, referee, before, after, time, 0.001, SCENE.constants())
                 before[:] = after

@@ -10,12 +10,14 @@ import pytest
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.dynamics import inverse_dynamics
 from msrd_ros.robots.kinematics import paddle_pose
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2, JointReference, shape_command
-from msrd_ros.robots.sawyer import POSITION_LOWER_RAD, POSITION_UPPER_RAD
+from msrd_ros.robots.limits import JointReference, shape_command
 from msrd_ros.table_tennis.arm.collision_model import clearance, obstacle
 from msrd_ros.table_tennis.ball.scene import Table
 from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
+from sawyer import ACCELERATION_LIMIT_RAD_S2, ARM, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT
+
+pytestmark = pytest.mark.slow
 
 PERIOD_S = 0.02
 PLAYING_POSTURE = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
@@ -30,7 +32,7 @@ def rally() -> Iterator[Rally]:
 
 
 def _paddle_error_m(rally: Rally) -> float:
-    wanted, _ = paddle_pose(rally.reference.position)
+    wanted, _ = paddle_pose(ARM, rally.reference.position)
     return float(np.linalg.norm(rally.paddle.position - wanted))
 
 
@@ -44,7 +46,7 @@ def _swing(rally: Rally, seed: int) -> float:
         if step % 12 == 0:
             towards = (PLAYING_POSTURE - reference.position) * 2.0 + rng.normal(size=7) * 0.6
         smooth = reference.velocity + 0.3 * (towards - reference.velocity)
-        reference = shape_command(reference, smooth, PERIOD_S)
+        reference = shape_command(ROBOT, reference, smooth, PERIOD_S)
         rally.command(*reference, PERIOD_S)
         rally.advance(PERIOD_S)
         np.testing.assert_allclose(rally.reference.position, reference.position, atol=1e-9)
@@ -80,7 +82,7 @@ def test_no_limit_is_passed_in_a_thousand_random_commands(rally: Rally, kind: st
             size = 10.0 ** rng.integers(0, 300)
             rally.command(rng.normal(size=7) * size, rng.normal(size=7) * size, PERIOD_S)
         else:
-            reference = shape_command(reference, rng.choice([-np.inf, 9.0, 0.0, np.inf], 7), PERIOD_S)
+            reference = shape_command(ROBOT, reference, rng.choice([-np.inf, 9.0, 0.0, np.inf], 7), PERIOD_S)
             rally.command(*reference, PERIOD_S)
         rally.advance(PERIOD_S)
     assert rally.limits.samples == 20_000
@@ -123,7 +125,7 @@ def test_a_used_up_command_ends_in_a_hold_within_acceleration_limits(rally: Rall
     rally.reset(PLAYING_POSTURE)
     reference = JointReference(PLAYING_POSTURE, np.zeros(7))
     for _ in range(6):
-        reference = shape_command(reference, np.full(7, 0.9), PERIOD_S)
+        reference = shape_command(ROBOT, reference, np.full(7, 0.9), PERIOD_S)
         rally.command(*reference, PERIOD_S)
         rally.advance(PERIOD_S)
     velocity = rally.joint_velocity
@@ -147,7 +149,7 @@ def test_the_arm_stops_above_the_table_and_leaves_again(rally: Rally) -> None:
     for _ in range(15):
         rally.command(down, np.zeros(7), 0.3)
         rally.advance(0.1)
-        assert clearance(rally.joint_position, TABLE) > 0.0
+        assert clearance(ARM, rally.joint_position, TABLE) > 0.0
     assert 0.85 < rally.paddle.position[2] < 0.95
     for _ in range(15):
         rally.command(STRETCHED_OUT, np.zeros(7), 0.3)
@@ -159,7 +161,7 @@ def test_the_arm_stops_above_the_table_and_leaves_again(rally: Rally) -> None:
 
 def test_effort_at_rest_carries_the_weight_and_moving_effort_is_within_limits(rally: Rally) -> None:
     rally.reset(PLAYING_POSTURE)
-    weight = inverse_dynamics(PLAYING_POSTURE, np.zeros(7), np.zeros(7))
+    weight = inverse_dynamics(ARM, PLAYING_POSTURE, np.zeros(7), np.zeros(7))
     np.testing.assert_array_equal(rally.joint_effort, weight)
     assert weight[1] < -20.0
     rally.command(PLAYING_POSTURE + 0.05, np.full(7, 0.3), 0.2)

@@ -8,14 +8,18 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel, Stroke
 from msrd_ros.contract.outcome import MissReason
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.limits import JointReference, shape_command
 from msrd_ros.robots.quintic import JointStroke
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ROBOT
+
+pytestmark = pytest.mark.slow
 
 PERIOD_S = 0.02
 READY = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
@@ -28,7 +32,7 @@ def rally() -> Iterator[Rally]:
 
 
 @pytest.fixture(scope="module")
-def strokes() -> dict[StrategyLabel, JointStroke]:
+def strokes() -> dict[PaperLabel, JointStroke]:
     return planned_strokes()
 
 
@@ -50,7 +54,7 @@ def _record(rally: Rally, seed: int, chunk_s: float = PERIOD_S) -> np.ndarray:
     for step in range(60):
         if step % 5 == 0:
             wish = rng.normal(size=7) * 1.5
-        reference = shape_command(reference, wish, PERIOD_S)
+        reference = shape_command(ROBOT, reference, wish, PERIOD_S)
         rally.command(*reference, PERIOD_S)
         for _ in range(round(PERIOD_S / chunk_s)):
             rally.advance(chunk_s)
@@ -73,7 +77,7 @@ def _return_to_ready(rally: Rally) -> None:
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
 def test_planned_strokes_return_the_ball_with_their_spin_within_limits(
-    rally: Rally, strokes: dict[StrategyLabel, JointStroke], label: StrategyLabel
+    rally: Rally, strokes: dict[PaperLabel, JointStroke], label: PaperLabel
 ) -> None:
     _play(rally, strokes[label], Feeder().nominal(label.side))
     outcome = rally.outcome
@@ -90,7 +94,7 @@ def test_planned_strokes_return_the_ball_with_their_spin_within_limits(
 
 
 def test_the_paddle_is_where_the_stroke_wants_it_at_the_hit(
-    rally: Rally, strokes: dict[StrategyLabel, JointStroke]
+    rally: Rally, strokes: dict[PaperLabel, JointStroke]
 ) -> None:
     stroke = strokes[ALL_LABELS[2]]
     rally.reset(stroke.start.position)
@@ -120,7 +124,7 @@ def test_a_ball_that_nobody_plays_is_missed(rally: Rally) -> None:
 
 
 def test_a_fresh_and_a_used_rally_repeat_bit_for_bit(
-    rally: Rally, strokes: dict[StrategyLabel, JointStroke]
+    rally: Rally, strokes: dict[PaperLabel, JointStroke]
 ) -> None:
     rally.reset(READY)
     fresh = _record(rally, 5)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.quintic import JointStroke
@@ -16,8 +15,12 @@ from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.teachers.impedance_guidance import leading_hand
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import ARM, ROBOT
+
+pytestmark = pytest.mark.slow
 
 TICK_S = 0.004
 PLAYING_POSTURE = np.array([0.0, 0.3, -1.2, 0.5, -0.5, 1.5, 0.0])
@@ -32,7 +35,7 @@ def rally() -> Iterator[Rally]:
 
 
 @pytest.fixture(scope="module")
-def strokes() -> dict[StrategyLabel, JointStroke]:
+def strokes() -> dict[PaperLabel, JointStroke]:
     return planned_strokes()
 
 
@@ -46,8 +49,9 @@ def _lead_through(rally: Rally, stroke: JointStroke, skill: float) -> tuple[floa
     while rally.time - began < stroke.end_time_s:
         state = stroke.at(rally.time - began)
         position, quaternion, twist = leading_hand(
+            ARM,
             *state,
-            np.array(grip.joint_damping_nm_s),
+            np.array(ROBOT.floating.joint_damping_nm_s),
             grip.stiffness_n_m,
             grip.turn_stiffness_nm,
             skill,
@@ -57,7 +61,7 @@ def _lead_through(rally: Rally, stroke: JointStroke, skill: float) -> tuple[floa
         rally.lead_hand(position, quaternion, twist[:3], twist[3:])
         rally.advance(TICK_S)
         if abs(rally.time - began - stroke.hit_time_s) <= TICK_S / 2:
-            wanted, rotation = paddle_pose(stroke.at(rally.time - began).position)
+            wanted, rotation = paddle_pose(ARM, stroke.at(rally.time - began).position)
             turn = turn_between(rally.paddle.rotation, rotation)
             off = float(np.linalg.norm(rally.paddle.position - wanted)), float(np.linalg.norm(turn))
     return off
@@ -65,7 +69,7 @@ def _lead_through(rally: Rally, stroke: JointStroke, skill: float) -> tuple[floa
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
 def test_a_skilled_hand_leads_strokes_closely_and_any_hand_within_the_speed_limits(
-    rally: Rally, strokes: dict[StrategyLabel, JointStroke], label: StrategyLabel
+    rally: Rally, strokes: dict[PaperLabel, JointStroke], label: PaperLabel
 ) -> None:
     distance, turn = _lead_through(rally, strokes[label], skill=1.0)
     assert distance < 0.01

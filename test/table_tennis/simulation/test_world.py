@@ -9,13 +9,16 @@ import pytest
 
 from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
-from msrd_ros.contract.labels import ALL_LABELS, Side
 from msrd_ros.contract.outcome import MissReason
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD
 from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.simulation.world import EPOCH_NS, World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.rollouts import Stroke, play_stroke
+from sawyer import HOME_POSTURE_RAD
+
+pytestmark = pytest.mark.slow
 
 FOREHAND, BACKHAND = ALL_LABELS[0], ALL_LABELS[3]
 PERIOD_NS = round(CONTROL_PERIOD_S * 1e9)

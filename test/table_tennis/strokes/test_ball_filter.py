@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from msrd_ros.contract.labels import Side
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
+
+pytestmark = pytest.mark.slow
 
 TICK_NS = 20_000_000
 

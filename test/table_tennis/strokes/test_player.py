@@ -8,14 +8,22 @@ import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP, HORIZON
-from msrd_ros.contract.labels import ALL_LABELS
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.limits import ACCELERATION_LIMIT_RAD_S2
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feeder
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
+from sawyer import (
+    ACCELERATION_LIMIT_RAD_S2,
+    HOME_POSTURE_RAD,
+    POSITION_LOWER_RAD,
+    POSITION_UPPER_RAD,
+    ROBOT,
+    SPEED_LIMIT_RAD_S,
+)
+
+pytestmark = pytest.mark.slow
 
 LABEL = ALL_LABELS[2]
 ROUNDING = 1e-9
@@ -44,7 +52,7 @@ def test_no_policy_leads_a_joint_over_a_limit(kind: str) -> None:
     world.strategy = LABEL
     ready = planned_strokes()[LABEL].start.position
     world.rally.reset(ready)
-    player = StrokePlayer(ready)
+    player = StrokePlayer(ROBOT, ready)
     acted = refused = 0
 
     def policy(_: np.ndarray) -> np.ndarray:
@@ -89,7 +97,7 @@ def test_no_policy_leads_a_joint_over_a_limit(kind: str) -> None:
 def test_a_stroke_holds_a_tick_acts_rests_and_makes_ready_again() -> None:
     """The first action answers the second sample: only then is the ball's velocity known."""
     seen: list[int] = []
-    player = StrokePlayer(HOME_POSTURE_RAD)
+    player = StrokePlayer(ROBOT, HOME_POSTURE_RAD)
     step = 0
 
     def policy(observation: np.ndarray) -> np.ndarray:
@@ -115,7 +123,7 @@ def test_a_stroke_holds_a_tick_acts_rests_and_makes_ready_again() -> None:
 
 
 def test_a_ball_that_comes_before_the_arm_is_ready_is_let_through() -> None:
-    player = StrokePlayer(HOME_POSTURE_RAD)
+    player = StrokePlayer(ROBOT, HOME_POSTURE_RAD)
 
     def policy(_: np.ndarray) -> np.ndarray:
         raise AssertionError("nothing to play")
@@ -128,7 +136,7 @@ def test_a_ball_that_comes_before_the_arm_is_ready_is_let_through() -> None:
 
 
 def test_a_ready_pose_beyond_the_limits_is_drawn_in() -> None:
-    player = StrokePlayer(HOME_POSTURE_RAD)
+    player = StrokePlayer(ROBOT, HOME_POSTURE_RAD)
     pose = HOME_POSTURE_RAD.copy()
     pose[1] = POSITION_UPPER_RAD[1] + 0.02
     player.prepare(None, pose)
@@ -140,7 +148,7 @@ def test_a_ready_pose_beyond_the_limits_is_drawn_in() -> None:
 
 
 def test_without_a_policy_the_arm_stays_ready() -> None:
-    player = StrokePlayer(HOME_POSTURE_RAD)
+    player = StrokePlayer(ROBOT, HOME_POSTURE_RAD)
     for step in range(20):
         reference = player.tick(HOME_POSTURE_RAD, *at_ball(step))
     assert player.phase is Phase.READY
@@ -148,7 +156,7 @@ def test_without_a_policy_the_arm_stays_ready() -> None:
 
 
 def test_a_hold_decelerates_and_ends_the_stroke() -> None:
-    player = StrokePlayer(HOME_POSTURE_RAD)
+    player = StrokePlayer(ROBOT, HOME_POSTURE_RAD)
     player.prepare(lambda _: np.full(7, 0.8), HOME_POSTURE_RAD)
     for step in range(15):
         player.tick(player.reference.position, *at_ball(step))
@@ -164,7 +172,7 @@ def test_a_hold_decelerates_and_ends_the_stroke() -> None:
 
 @pytest.mark.parametrize("start", [POSITION_LOWER_RAD, POSITION_UPPER_RAD])
 def test_an_arm_found_at_its_limits_is_led_away_from_them(start: np.ndarray) -> None:
-    player = StrokePlayer(start)
+    player = StrokePlayer(ROBOT, start)
     player.prepare(None, HOME_POSTURE_RAD)
     for step in range(600):
         reference = player.tick(player.reference.position, np.array([1.5, 0.0, 1.0]), 20_000_000 * step)
@@ -173,7 +181,7 @@ def test_an_arm_found_at_its_limits_is_led_away_from_them(start: np.ndarray) -> 
 
 
 def test_an_arm_that_strays_is_led_on_from_where_it_is() -> None:
-    player = StrokePlayer(HOME_POSTURE_RAD, tracking_tolerance_rad=0.1)
+    player = StrokePlayer(ROBOT, HOME_POSTURE_RAD, tracking_tolerance_rad=0.1)
     player.prepare(lambda _: np.full(7, 0.5), HOME_POSTURE_RAD)
     for step in range(15):
         player.tick(player.reference.position, *at_ball(step))

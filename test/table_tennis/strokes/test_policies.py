@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 
 from made_up_policies import made_up_policies, with_columns
-from msrd_ros.contract.episode import ACTION_NAMES, OBSERVATION_NAMES
-from msrd_ros.contract.labels import ALL_LABELS
+from msrd_ros.contract.episode import action_names, observation_names
 from msrd_ros.core.errors import UserError
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokeFacts, StrokePolicies
+from sawyer import JOINT_COUNT, ROBOT
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_file_reads_back_exactly(tmp_path: Path) -> None:
     policies = replace(made_up_policies(ALL_LABELS[:2]), exploration_seed=5, ready_noise_rad=0.02)
-    unknown = StrokeFacts(policies.facts[ALL_LABELS[0]].ready_pose, np.full(2, np.nan))
+    unknown = StrokeFacts(policies.facts[ALL_LABELS[0]].ready_pose, np.full(2, np.nan), Side.BACKHAND)
     policies = replace(policies, facts={**policies.facts, ALL_LABELS[0]: unknown})
     path = tmp_path / "policies.safetensors"
     path.write_bytes(policies.to_bytes())
@@ -34,16 +38,16 @@ def test_a_file_reads_back_exactly(tmp_path: Path) -> None:
 def test_draws_are_the_strokes_own_and_means_take_none() -> None:
     policies = made_up_policies()
     label, seen = ALL_LABELS[3], np.linspace(-1.0, 1.0, 13)
-    draws = StrokeDraws.of(7, 2)
+    draws = StrokeDraws.of(7, 2, JOINT_COUNT)
     mean = policies.play(label, draws)
     np.testing.assert_array_equal(mean(seen), mean(seen))
     exploring = replace(policies, exploration_seed=7).play(label, draws)
     deviation = np.exp(policies.policies.policy(str(label)).log_std)
     for step in range(3):
         np.testing.assert_allclose(exploring(seen) - mean(seen), deviation * draws.action[step], atol=1e-6)
-    np.testing.assert_array_equal(StrokeDraws.of(7, 2).action, draws.action)
-    assert not np.array_equal(StrokeDraws.of(7, 3).ready, draws.ready)
-    assert not np.array_equal(StrokeDraws.of(8, 2).ready, draws.ready)
+    np.testing.assert_array_equal(StrokeDraws.of(7, 2, JOINT_COUNT).action, draws.action)
+    assert not np.array_equal(StrokeDraws.of(7, 3, JOINT_COUNT).ready, draws.ready)
+    assert not np.array_equal(StrokeDraws.of(8, 2, JOINT_COUNT).ready, draws.ready)
 
 
 def test_the_digest_tells_policies_and_their_explorations_apart() -> None:
@@ -62,12 +66,13 @@ def test_the_digest_tells_policies_and_their_explorations_apart() -> None:
     ("columns", "words"),
     [
         (
-            {"observation_names": (*OBSERVATION_NAMES[:12], "wind")},
+            {"observation_names": (*observation_names(ROBOT)[:12], "wind")},
             "observations: lacks ball_velocity_z_m_s and has wind too many",
         ),
-        ({"action_names": tuple(reversed(ACTION_NAMES))}, "actions: same columns in another order"),
+        ({"action_names": tuple(reversed(action_names(ROBOT)))}, "actions: same columns in another order"),
         ({"control_period_s": 0.01}, "control period 0.01 s, wanted 0.02 s"),
-        ({"labels": ("forehand-push", "forehand-lob")}, "unknown strategy label 'forehand-lob'"),
+        ({"labels": ("forehand-push", "Lob")}, "'Lob' is no strategy label"),
+        ({"labels": ("forehand-push", "my-lob")}, "the ready pose of my-lob is missing"),
     ],
 )
 def test_another_layout_is_refused_with_what_differs(columns: dict[str, Any], words: str) -> None:
@@ -90,7 +95,7 @@ def test_ready_poses_are_needed_and_must_be_reachable() -> None:
     pose = np.zeros(7)
     for value in (3.3, np.nan):
         pose[5] = value
-        facts = {**policies.facts, ALL_LABELS[1]: StrokeFacts(pose, np.zeros(2))}
+        facts = {**policies.facts, ALL_LABELS[1]: StrokeFacts(pose, np.zeros(2), Side.FOREHAND)}
         with pytest.raises(
             UserError, match="ready pose of forehand-slice: joint right_j5 is out of its limits"
         ):

@@ -8,9 +8,13 @@ import math
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import Stroke
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import MissReason, Outcome
-from msrd_ros.table_tennis.strokes.rates import LabelRates, Rate, format_table, nearest_stroke
+from msrd_ros.table_tennis.strokes.rates import LabelRates, Rate, format_table
+
+TOPSPIN, PUSH = StrategyLabel.parse("forehand-topspin"), StrategyLabel.parse("forehand-push")
+
+pytestmark = pytest.mark.slow
 
 
 def back(x: float, y: float, spin: float) -> Outcome:
@@ -52,41 +56,40 @@ def test_a_rate_of_nothing_says_nothing() -> None:
     assert str(rate) == "-"
 
 
-@pytest.mark.parametrize(
-    ("spin", "stroke"),
-    [
-        (90.0, Stroke.TOPSPIN),
-        (-90.0, Stroke.SLICE),
-        (0.0, Stroke.PUSH),
-        (40.0, Stroke.PUSH),
-        (-65.0, Stroke.SLICE),
-    ],
-)
-def test_spin_tells_the_stroke(spin: float, stroke: Stroke) -> None:
-    assert nearest_stroke(spin) is stroke
-
-
 def test_balls_are_counted_for_what_they_were() -> None:
-    row = LabelRates.of(Stroke.TOPSPIN, BALLS, np.array([0.9, 0.0]))
+    row = LabelRates.of(TOPSPIN, BALLS, np.array([0.9, 0.0]))
     assert row.fed == 7
     assert (row.struck.count, row.struck.total) == (5, 7)
     assert (row.returned.count, row.returned.total) == (4, 7)
     assert (row.within_20cm.count, row.within_20cm.total) == (2, 4)
+    assert row.spin_class_right is not None
     assert (row.spin_class_right.count, row.spin_class_right.total) == (2, 4)
     assert row.miss_reasons == {"net": 1, "missed": 2}
     assert row.spin_mean == pytest.approx(22.5)
     assert row.spin_sd == pytest.approx(np.std([90.0, 80.0, 10.0, -90.0]))
 
 
+def test_a_spin_that_nobody_judges_is_null_and_a_dash() -> None:
+    row = LabelRates.of(StrategyLabel.parse("my-smash"), BALLS, None)
+    read = row.to_json()
+    names = ("spin_class_right", "spin_class_right_share", "spin_class_right_interval")
+    assert [read[name] for name in names] == [None, None, None]
+    assert (read["returned"], read["spin_mean"]) == (4, pytest.approx(22.5))
+    long_name = "a-name-longer-than-its-column"
+    lines = format_table({"my-smash": row, long_name: row}).splitlines()
+    assert [line.split()[-1] for line in lines[1:]] == ["-", "-"]
+    assert lines[2].startswith(f"{long_name}  ")
+
+
 @pytest.mark.parametrize("unknown", [None, np.full(2, np.nan)])
 def test_without_a_landing_point_nothing_is_near_it(unknown: np.ndarray | None) -> None:
-    row = LabelRates.of(Stroke.TOPSPIN, BALLS, unknown)
+    row = LabelRates.of(TOPSPIN, BALLS, unknown)
     assert row.within_20cm.total == 0
 
 
 @pytest.mark.parametrize("balls", [BALLS, BALLS[4:], []])
 def test_report_is_strict_json_and_table_has_a_line_each(balls: list[Outcome]) -> None:
-    row = LabelRates.of(Stroke.PUSH, balls, None)
+    row = LabelRates.of(PUSH, balls, None)
     read = json.loads(json.dumps(row.to_json(), allow_nan=False))
     assert read["fed"] == len(balls)
     assert read["struck"] == sum(ball.struck for ball in balls)

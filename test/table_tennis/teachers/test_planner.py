@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel, Stroke
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.paddle import BLADE_RADIUS_M
 from msrd_ros.robots.kinematics import paddle_pose
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.robots.quintic import JointState, JointStroke, swing_effort
-from msrd_ros.robots.sawyer import HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, SPEED_LIMIT_RAD_S
-from msrd_ros.robots.sawyer_description import BLADE_RADIUS_M
 from msrd_ros.table_tennis.ball.feeder import EASY, NO_SPREAD, STANDARD, Feeder, FeedSpread
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path, path_at, return_flight
@@ -25,8 +25,10 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyResults,
     RallyVariation,
 )
-from msrd_ros.table_tennis.teachers.hit_solver import RATE, TIME, carry_out, solve_hit
-from msrd_ros.table_tennis.teachers.planner import lowest_on_path, planned_strokes, write_strokes
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side, Strategies
+from msrd_ros.table_tennis.teachers.hit_solver import TIME, carry_out, rates_of, solve_hit
+from msrd_ros.table_tennis.teachers.planner import PLAN_FILE, planned_strokes, room_on_path, write_strokes
 from msrd_ros.table_tennis.teachers.side import (
     PATH_PERIOD_S,
     PlannerConfig,
@@ -35,7 +37,9 @@ from msrd_ros.table_tennis.teachers.side import (
     feed_path,
     wish_for,
 )
-from msrd_ros.table_tennis.teachers.study_design import spin_class
+from sawyer import ARM, HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT, SPEED_LIMIT_RAD_S
+
+pytestmark = pytest.mark.slow
 
 SCENE = Scene().constants()
 SPIN_RANGES = {Stroke.PUSH: (-18.0, 5.0), Stroke.SLICE: (-115.0, -90.0), Stroke.TOPSPIN: (95.0, 125.0)}
@@ -104,9 +108,9 @@ def test_a_corrected_stroke_goes_on_smoothly_to_the_new_hit() -> None:
 
 def test_swing_effort_is_the_peak_of_the_swing() -> None:
     for label, stroke in planned_strokes().items():
-        speed, acceleration = stroke.peak_fractions()
-        assert swing_effort(stroke) <= max(speed.max(), acceleration.max()) + 1e-9, label
-        assert swing_effort(stroke) >= 0.95 * speed.max(), label
+        speed, acceleration = stroke.peak_fractions(ROBOT.limits)
+        assert swing_effort(stroke, ROBOT) <= max(speed.max(), acceleration.max()) + 1e-9, label
+        assert swing_effort(stroke, ROBOT) >= 0.95 * speed.max(), label
 
 
 # -- the ball's path -------------------------------------------------------------------------------------
@@ -131,21 +135,21 @@ def test_path_does_not_depend_on_its_period() -> None:
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_solver_finds_a_hit_from_a_bad_start(label: StrategyLabel) -> None:
+def test_solver_finds_a_hit_from_a_bad_start(label: PaperLabel) -> None:
     config = PlannerConfig()
     path = feed_path(Feeder().nominal(label.side), SCENE)
     known = _hit_of(planned_strokes()[label])
     start = known + 0.08 * np.random.default_rng(3).standard_normal(15) * (np.arange(15) > 0)
-    wish = wish_for(label, config, known[1:8], 0.1)
-    hit, cost = solve_hit(start, wish, path, PATH_PERIOD_S, SCENE, 100)
+    wish = wish_for(ROBOT, label, config, known[1:8], 0.1)
+    hit, cost = solve_hit(ARM, start, wish, path, PATH_PERIOD_S, SCENE, 100)
     assert cost < 1.0
-    done = carry_out(hit, face_sign(label.side), path, PATH_PERIOD_S, SCENE)
+    done = carry_out(ARM, hit, face_sign(label.side), path, PATH_PERIOD_S, SCENE)
     flight = return_flight(done.ball_out, SCENE)
     assert np.linalg.norm(done.off_centre) < 0.005
     assert done.ball_out[7] == pytest.approx(config.spin(label.stroke), abs=4.0)
     assert flight.landing_x == pytest.approx(config.landing_m[0], abs=0.1)
     assert flight.net_height > Scene().table.height_m + Scene().net.height_m + 0.1
-    assert np.abs(hit[RATE]).max() <= config.highest_rate + 0.02
+    assert np.abs(rates_of(hit)).max() <= config.highest_rate + 0.02
     assert abs(hit[TIME] - config.hit_time_s) <= config.hit_time_slack_s + 0.01
 
 
@@ -154,14 +158,14 @@ def test_solver_finds_a_hit_from_a_bad_start(label: StrategyLabel) -> None:
 
 def test_each_side_has_one_ready_pose() -> None:
     for side in Side:
-        ready = [planned_strokes()[StrategyLabel(side, stroke)].start.position for stroke in Stroke]
+        ready = [planned_strokes()[PaperLabel(side, stroke)].start.position for stroke in Stroke]
         np.testing.assert_array_equal(ready, [ready[0]] * 3)
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_planned_stroke_is_within_all_limits(label: StrategyLabel) -> None:
+def test_planned_stroke_is_within_all_limits(label: PaperLabel) -> None:
     stroke = planned_strokes()[label]
-    speed, acceleration = stroke.peak_fractions()
+    speed, acceleration = stroke.peak_fractions(ROBOT.limits)
     assert speed.max() <= 0.9
     assert acceleration.max() <= 0.9
     assert stroke.start_time_s > 0.2, "the first look at the ball comes before the swing"
@@ -173,26 +177,28 @@ def test_planned_stroke_is_within_all_limits(label: StrategyLabel) -> None:
     assert states.position[:, 1].min() > -1.9
     assert states.position[:, 1].max() < 0.9
     for joints in states.position:
-        centre, rotation = paddle_pose(joints)
+        centre, rotation = paddle_pose(ARM, joints)
         edge = centre[2] - BLADE_RADIUS_M * np.sqrt(1.0 - rotation[2, 1] ** 2)
         if centre[0] > -Scene().table.length_m / 2.0 - 2.0 * BLADE_RADIUS_M:
             assert edge > Scene().table.height_m + 0.05
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_planned_hit_is_with_the_sides_own_face(label: StrategyLabel) -> None:
+def test_planned_hit_is_with_the_sides_own_face(label: PaperLabel) -> None:
     path = feed_path(Feeder().nominal(label.side), SCENE)
-    done = carry_out(_hit_of(planned_strokes()[label]), face_sign(label.side), path, PATH_PERIOD_S, SCENE)
+    done = carry_out(
+        ARM, _hit_of(planned_strokes()[label]), face_sign(label.side), path, PATH_PERIOD_S, SCENE
+    )
     assert done.normal[0] > 0.5, "the striking face looks to the far half"
     assert done.approach > 1.0
     assert np.linalg.norm(done.off_centre) < 0.005
 
 
-def test_ready_poses_are_reached_clear_of_the_table() -> None:
+def test_ready_poses_are_reached_clear_of_table_and_arm() -> None:
     rests = [HOME_POSTURE_RAD, *(planned_strokes()[label].start.position for label in ALL_LABELS[::3])]
     for start in rests:
         for goal in rests:
-            assert lowest_on_path(start, goal) > Scene().table.height_m + 0.05
+            assert room_on_path(ROBOT, start, goal) > 0.03
 
 
 def test_planned_strokes_return_the_nominal_feed_with_their_spin() -> None:
@@ -202,7 +208,9 @@ def test_planned_strokes_return_the_nominal_feed_with_their_spin() -> None:
         low, high = SPIN_RANGES[label.stroke]
         spin = results.spin[index, 0, 1]
         assert low <= spin <= high, label
-        assert spin_class(spin) is label.stroke
+        wanted = Strategies.shipped().of(label).spin
+        assert wanted is not None
+        assert wanted.distance(spin) == 0.0
         np.testing.assert_allclose(results.landing[index, 0], PlannerConfig().landing_m, atol=0.1)
 
 
@@ -216,7 +224,7 @@ def test_planned_strokes_forgive_small_errors() -> None:
 def test_planner_finds_its_way_back_to_the_kept_strokes() -> None:
     """The kept plan solves the problem it came from: from a start 0.05 rad off, the solver comes back."""
     side, config = Side.FOREHAND, PlannerConfig()
-    problem = SideProblem(side, config, feed_path(Feeder().nominal(side), SCENE), SCENE)
+    problem = SideProblem(ROBOT, side, config, feed_path(Feeder().nominal(side), SCENE), SCENE)
     strokes = [planned_strokes()[label] for label in problem.labels]
     kept = np.concatenate([strokes[0].start.position, *(_hit_of(stroke) for stroke in strokes)])
     cost = 0.5 * np.sum(problem.residuals(kept) ** 2)
@@ -229,20 +237,37 @@ def test_planner_finds_its_way_back_to_the_kept_strokes() -> None:
 
 
 def test_kept_strokes_read_back(tmp_path: Path) -> None:
-    path = tmp_path / "strokes.json"
-    write_strokes(planned_strokes(), path)
-    for label, stroke in planned_strokes(path).items():
+    robot = replace(ROBOT, folder=tmp_path)
+    write_strokes(robot, planned_strokes(), tmp_path / PLAN_FILE)
+    for label, stroke in planned_strokes(robot).items():
         np.testing.assert_allclose(stroke.hit_velocity, planned_strokes()[label].hit_velocity, atol=1e-6)
         assert stroke.start_time_s == pytest.approx(planned_strokes()[label].start_time_s, abs=1e-5)
 
 
-@pytest.mark.parametrize("damage", ["missing", "torn", "incomplete"])
-def test_unusable_kept_strokes_are_named(tmp_path: Path, damage: str) -> None:
-    path = tmp_path / f"{damage}.json"
-    if damage != "missing":
-        write_strokes(planned_strokes(), path)
-        document = json.loads(path.read_text())
-        del document["backhand-slice"]
-        path.write_text(path.read_text()[:200] if damage == "torn" else json.dumps(document))
-    with pytest.raises(UserError, match=f"{damage}.json.*--write"):
-        planned_strokes(path)
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("backhand-slice:", "backhand-lob:"),
+        ("hit_time_s: 0.941357", "hit_time_s: soon"),
+        ("planned_for: ", "planned_for: 0"),
+        ("forehand-push:", "forehand-push: ["),
+        ("ready_position: [-0.114049, ", "ready_position: ["),
+    ],
+)
+def test_unusable_kept_strokes_are_named_with_the_command_that_makes_them(
+    tmp_path: Path, old: str, new: str
+) -> None:
+    text = (ROBOT.folder / PLAN_FILE).read_text()
+    assert old in text
+    (tmp_path / PLAN_FILE).write_text(text.replace(old, new, 1))
+    with pytest.raises(UserError, match=rf"{PLAN_FILE}.*msrd_ros plan {tmp_path}"):
+        planned_strokes(replace(ROBOT, folder=tmp_path))
+
+
+def test_strokes_of_an_arm_with_other_limits_are_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "arm"
+    shutil.copytree(ROBOT.folder, folder)
+    sheet = (folder / "robot.yaml").read_text()
+    (folder / "robot.yaml").write_text(sheet.replace("speed_rad_s: [1.74", "speed_rad_s: [1.70"))
+    with pytest.raises(UserError, match="planned for the arm as it was"):
+        planned_strokes(load_robot(folder))

@@ -8,20 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import paddle_pose
-from msrd_ros.robots.sawyer import SPEED_LIMIT_RAD_S
 from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
 from msrd_ros.table_tennis.ball.estimator import PATH_PERIOD_S, FlightEstimator
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path, path_at
 from msrd_ros.table_tennis.simulation.rally import Rally
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.guided_stroke import GuidedStroke
 from msrd_ros.table_tennis.teachers.population import Teacher
 from msrd_ros.table_tennis.teachers.study_design import Verdict, judge_stroke
 from msrd_ros.table_tennis.teachers.style import Flaws, PopulationConfig, Slip, Style
+from sawyer import ARM, ROBOT, SPEED_LIMIT_RAD_S
+
+pytestmark = pytest.mark.slow
 
 SCENE = Scene().constants()
 TICK_S = 0.004
@@ -109,7 +112,7 @@ def test_start_postures_vary_from_stroke_to_stroke() -> None:
 
 def test_slips_are_as_frequent_as_the_habit_says() -> None:
     rng, population = np.random.default_rng(1), PopulationConfig()
-    style = replace(Style.draw(population, rng), slip=0.3)
+    style = replace(Style.draw(population, ROBOT.joint_count, rng), slip=0.3)
     slips = [Flaws.draw(style, population, rng).slip for _ in range(2000)]
     assert np.mean([slip is not Slip.NONE for slip in slips]) == pytest.approx(0.3, abs=0.04)
     assert set(slips) == set(Slip)
@@ -153,7 +156,7 @@ def _show(rally: Rally, stroke: GuidedStroke, feed: Feed, seed: int) -> np.ndarr
 
 
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
-def test_teachers_return_balls_by_the_hand_within_limits(rally: Rally, label: StrategyLabel) -> None:
+def test_teachers_return_balls_by_the_hand_within_limits(rally: Rally, label: PaperLabel) -> None:
     """Three teachers, one standard feed each, without slips: kept all, or all but one."""
     kept = 0
     for subject in range(3):
@@ -190,7 +193,7 @@ def test_the_hand_answers_the_ball(rally: Rally) -> None:
         rows = _show(rally, stroke, feed, 0)
         assert rally.outcome is not None
         assert rally.outcome.returned
-        met.append(paddle_pose(rows[5 + round(rally.outcome.hit_time_s / TICK_S), :7])[0][1])
+        met.append(paddle_pose(ARM, rows[5 + round(rally.outcome.hit_time_s / TICK_S), :7])[0][1])
     assert met[1] - met[0] == pytest.approx(0.06, abs=0.03)
 
 

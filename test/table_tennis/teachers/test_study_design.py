@@ -8,9 +8,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from msrd_ros.contract.labels import ALL_LABELS, Side, StrategyLabel, Stroke
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.core.errors import UserError
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel, Stroke
+from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.study_design import (
     StudyConfig,
     StudySession,
@@ -19,6 +20,8 @@ from msrd_ros.table_tennis.teachers.study_design import (
     judge_stroke,
     subject_name,
 )
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("subjects", [1, 5, 10, 12, 17])
@@ -44,8 +47,8 @@ def test_orders_come_from_the_generator() -> None:
 
 def test_session_practises_then_repeats_failures_until_enough_are_kept() -> None:
     session = StudySession(StudyConfig(subjects=2, recordings=3, practice=2), np.random.default_rng(0))
-    seen: Counter[tuple[str, StrategyLabel, bool]] = Counter()
-    numbers: dict[tuple[str, StrategyLabel], list[int]] = {}
+    seen: Counter[tuple[str, PaperLabel, bool]] = Counter()
+    numbers: dict[tuple[str, PaperLabel], list[int]] = {}
     while (trial := session.trial) is not None:
         seen[trial.name, trial.label, trial.practice] += 1
         fails = not trial.practice and trial.attempt % 2 == 1
@@ -92,7 +95,7 @@ def test_verdicts(
     stroke: Stroke, spin: float, reason: MissReason | None, speed: float, verdict: Verdict
 ) -> None:
     outcome = Outcome(ball_id=1, struck=True, miss_reason=reason, spin_y_rad_s=spin)
-    assert judge_stroke(StrategyLabel(Side.BACKHAND, stroke), outcome, speed) is verdict
+    assert judge_stroke(PaperLabel(Side.BACKHAND, stroke), outcome, speed) is verdict
 
 
 def test_wrong_sizes_are_named() -> None:

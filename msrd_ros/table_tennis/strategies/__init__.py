@@ -1,0 +1,1 @@
+"""What is known of the task's strategies: a table in a file, and the six of the paper."""
