@@ -1,1 +1,1 @@
-"""What judges and moves whole bags: inspection, acceptance, the folder of bags, bags as episodes."""
+"""What judges and moves whole bags: inspection, storing, the folder of bags, bags as episodes."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from learning_problems import PointMass, point_demonstrations
 from msrd_ros.core.errors import UserError
@@ -22,6 +23,8 @@ from msrd_ros.learning.policy import PolicySet
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
 
+EARLIER = Path(__file__).parents[1] / "data" / "0.1.0"
+"""Files that version 0.1.0 wrote."""
 CONFIG = MSRDConfig(
     iterations=6,
     replay=ReplayConfig(keep=32, replay_share=0.25, snapshot_share=0.25),
@@ -147,3 +150,15 @@ def test_unwritable_place_is_refused(tmp_path: Path) -> None:
     blocked.write_text("in the way")
     with pytest.raises(UserError, match="cannot write"):
         save_checkpoint(blocked / "c.safetensors", trainer())
+
+
+def test_a_checkpoint_of_0_1_0_goes_on_bit_for_bit_as_it_did_there() -> None:
+    """Its settings and state have the names of that version."""
+    resumed = trainer(seed=99)
+    load_checkpoint(EARLIER / "checkpoint.safetensors", resumed)
+    assert resumed.iterations_done == 2
+    for _ in range(2):
+        resumed.iterate()
+    expected = load_file(EARLIER / "weights_two_sweeps_later.safetensors")
+    for index, found in enumerate(weights(resumed)):
+        assert torch.equal(found, expected[str(index)])

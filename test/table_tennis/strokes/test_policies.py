@@ -12,6 +12,7 @@ import pytest
 from made_up_policies import made_up_policies, with_columns
 from msrd_ros.contract.episode import action_names, observation_names
 from msrd_ros.core.errors import UserError
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokeFacts, StrokePolicies
@@ -112,3 +113,13 @@ def test_a_strategy_or_a_file_that_is_not_there_is_named(tmp_path: Path) -> None
     (tmp_path / "pickle.safetensors").write_bytes(b"\x80\x04K\x01.")
     with pytest.raises(UserError, match=r"pickle\.safetensors: not a checkpoint of msrd_ros"):
         StrokePolicies.load(tmp_path / "pickle.safetensors")
+
+
+def test_policies_of_0_1_0_are_the_sawyers_and_their_sides_those_of_their_names() -> None:
+    path = Path(__file__).parents[2] / "data" / "0.1.0" / "policies.safetensors"
+    policies = StrokePolicies.load(path)
+    assert policies.robot == ROBOT
+    assert policies.labels == tuple(ALL_LABELS)
+    assert [facts.side for facts in policies.facts.values()] == [label.side for label in ALL_LABELS]
+    with pytest.raises(UserError, match="sawyer, not ur10e; say robot:=sawyer"):
+        StrokePolicies.load(path, load_robot("ur10e"))
