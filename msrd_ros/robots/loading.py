@@ -77,7 +77,7 @@ def load_robot(robot: str | Path) -> Robot:
         if not text or not (folder / SHEET_FILE).is_file():
             raise UserError(
                 f"robot {text!r}: is none of {', '.join(shipped_robots())} and no folder with {SHEET_FILE}; "
-                "say one of these, or the folder of your own (docs/recipes/own_robot.md)"
+                "say one of these, or the folder of your own (docs/own_robot.md)"
             )
     return _load(folder.resolve(), _changed_ns(folder / SHEET_FILE), _changed_ns(folder / DESCRIPTION_FILE))
 

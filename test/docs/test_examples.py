@@ -14,7 +14,11 @@ EXAMPLES = CHECKOUT / "docs" / "examples"
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("own_environment", "2 strategies"), ("own_method", "MSRD without cross-negatives 0.0")],
+    [
+        ("own_bags", "('forehand-push', 'backhand-slice') as"),
+        ("own_environment", "2 strategies"),
+        ("own_method", "MSRD without cross-negatives 0.0"),
+    ],
 )
 def test_example_runs(name: str, said: str) -> None:
     result = subprocess.run(

@@ -10,7 +10,7 @@ import pytest
 from processes import CHECKOUT, PACKAGE
 
 PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").glob("*.md")])
-POINTER = re.compile(r"README\.md says under ([A-Z][\w ]*)")
+POINTER = re.compile(r"\b(docs/[\w/]+\.(?:md|py))(?:#([\w-]+))?")
 
 
 def headings(page: Path) -> list[str]:
@@ -50,8 +50,12 @@ def test_a_broken_link_is_seen(tmp_path: Path) -> None:
     assert broken(page) == ["none.md", "#two"]
 
 
-def test_errors_point_to_headings_that_there_are() -> None:
+def test_code_and_configuration_point_to_documents_and_headings_that_there_are() -> None:
     texts = [path.read_text(encoding="utf-8") for path in (CHECKOUT / PACKAGE).rglob("*.py")]
-    pointed = {title for text in texts for title in POINTER.findall(text)}
+    texts += [path.read_text(encoding="utf-8") for path in (CHECKOUT / "config").rglob("*.yaml")]
+    pointed = {match for text in texts for match in POINTER.findall(text)}
     assert pointed
-    assert pointed <= set(headings(CHECKOUT / "README.md"))
+    for name, section in pointed:
+        page = CHECKOUT / name
+        assert page.is_file(), f"{name} is pointed to and not there"
+        assert not section or section in map(anchor, headings(page)), f"{name} has no section {section}"
