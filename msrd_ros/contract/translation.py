@@ -77,8 +77,8 @@ class JointStateTranslator:
         missing = [joint for joint in self._wanted if joint not in names]
         if missing:
             raise UserError(
-                f"{self._where}: joint {', '.join(missing)} of {self._robot} is missing; publish all of "
-                f"{self._wanted[0]}..{self._wanted[-1]} in one message, or say robot:=<yours>"
+                f"{self._where}: joint {', '.join(missing)} is missing; publish all of "
+                f"{self._robot} ({self._wanted[0]}..{self._wanted[-1]}) in one message, or say robot:=<yours>"
             )
         return np.array([names.index(joint) for joint in self._wanted])
 
