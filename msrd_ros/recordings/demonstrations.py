@@ -12,7 +12,7 @@ from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
 from msrd_ros.robots.loading import default_robot, load_robot
 from msrd_ros.table_tennis.strategies.table import Strategies
-from msrd_ros.table_tennis.strokes.training import gather_demonstrations
+from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 
 
 def demonstrations(

@@ -27,7 +27,7 @@ from msrd_ros.learning.method import Learner, Method, Problem
 from msrd_ros.learning.methods import METHODS as ALL_METHODS
 from msrd_ros.learning.methods.airl import AirlEachCross
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
-from msrd_ros.learning.trajectories import Demonstrations, Transitions
+from msrd_ros.learning.trajectories import Transitions
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS, side_of
 from msrd_ros.table_tennis.simulation.batched import (
@@ -37,7 +37,8 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyVariation,
 )
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
-from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
+from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
+from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
 METHODS: dict[str, Method] = {**ALL_METHODS, "airl": AirlEachCross()}
@@ -90,35 +91,6 @@ class StrokeTrainingConfig:
     corrective_cloning: bool = False
     cloning_steps: int | None = None
     strategy_rewards: str = "side_and_stroke"
-
-
-def gather_demonstrations(episodes: Sequence[Episode], strategies: Strategies) -> Demonstrations:
-    """Episodes as the datasets D(1)..D(N), in the order of `strategies`.
-
-    Rows begin at `FIRST_ACTING_STEP`, where the policies begin to act.
-
-    Raises
-    ------
-    UserError
-        If there is no episode.
-    """
-    if not episodes:
-        raise UserError("no demonstrations: record some, or give a folder of bags")
-    by_label = {
-        label: [episode for episode in episodes if episode.label == label]
-        for label in strategies.sort(episode.label for episode in episodes)
-    }
-    most, robot = max(map(len, by_label.values())), episodes[0].robot
-    horizon = len(episodes[0].joint_position) - 1 - FIRST_ACTING_STEP
-    observations = np.zeros((len(by_label), most, horizon + 1, episodes[0].observations.shape[1]))
-    actions = np.zeros((len(by_label), most, ACTING_STEPS, robot.joint_count))
-    lengths = np.zeros((len(by_label), most), dtype=np.int64)
-    for row, group in enumerate(by_label.values()):
-        for column, episode in enumerate(group):
-            observations[row, column] = episode.observations[FIRST_ACTING_STEP:]
-            actions[row, column] = episode.actions[FIRST_ACTING_STEP : FIRST_ACTING_STEP + ACTING_STEPS]
-            lengths[row, column] = horizon
-    return Demonstrations(observations, actions, stroke_layout(robot, tuple(by_label)), lengths)
 
 
 def stroke_facts(
