@@ -201,7 +201,7 @@ def test_joint_states_that_cannot_be_used_are_named_and_not_answered(
         # The log says a thing of one kind once a second.
         robot.time_ns += PERIOD_NS
         robot.send(state=lacking)
-        return "joint right_j0 is missing; publish all of right_j0..right_j6" in executor.output
+        return "joint right_j0 is missing; publish all of sawyer (right_j0..right_j6)" in executor.output
 
     robot.stack.wait_until(refused_by_name, "refusal")
     assert robot.answers == []
