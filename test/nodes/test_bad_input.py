@@ -77,8 +77,8 @@ def error_line(capfd: pytest.CaptureFixture[str], name: str, *parameters: str) -
         ),
         (
             "evaluator",
-            "labels:=[forehand-push, forehand-lob]",
-            ("parameter labels of evaluator", "'forehand-lob'", "backhand-topspin"),
+            "labels:=[forehand-push, Forehand Lob]",
+            ("parameter labels of evaluator", "'Forehand Lob'", "my-smash"),
         ),
         ("evaluator", "balls:=0", ("parameter balls of evaluator", "out of range")),
         ("demonstrator", "subjects:=[1]", ("parameter subjects of demonstrator", "wrong type")),
@@ -87,8 +87,9 @@ def error_line(capfd: pytest.CaptureFixture[str], name: str, *parameters: str) -
             "spread:=huge",
             ("parameter spread of demonstrator", "'huge' is unknown", "none, easy, standard"),
         ),
-        ("trainer", "labels:=[forehand-lob]", ("parameter labels of trainer", "'forehand-lob'")),
-        ("trainer", "method:=gail", ("parameter method of trainer", "'gail' is unknown", "msrd, airl")),
+        ("trainer", "labels:=[Forehand Lob]", ("parameter labels of trainer", "'Forehand Lob'")),
+        ("trainer", "labels:=[forehand-lob]", ("no bag fits the selection", "backhand-topspin")),
+        ("trainer", "method:=gail", ("parameter method of trainer", "'gail' is unknown", "msrd", "airl")),
         ("trainer", "out:=/dev/null/runs", ("parameter out of trainer", "cannot be written", "give another")),
     ],
 )
