@@ -60,10 +60,7 @@ def clearance(arm: Arm, joint_position: Array, table: Array) -> float:
 
 @njit(cache=True, nogil=True)
 def self_clearance(arm: Arm, joint_position: Array) -> float:
-    """Least distance in m between parts of the arm that must not meet, and of those to its stand.
-
-    Only the planner of strokes looks at it: between planned strokes the arm does not come near itself.
-    """
+    """Least distance in m between parts of the arm that must not meet, and of those to its stand."""
     origins, rotations = link_frames(arm, joint_position)
     links, centres, radii = arm[0].sphere_links, arm[0].sphere_centres, arm[0].sphere_radii
     stand, apart = arm[0].stand, arm[0].apart

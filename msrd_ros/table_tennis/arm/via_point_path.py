@@ -1,4 +1,4 @@
-"""Finds a path for an arm between two strokes: one that leads neither through the table nor the floor.
+"""Finds a path for an arm between two strokes: not through the table, the floor, the stand or the arm itself.
 
 Joints that all move at once do not take the straight line between two postures, so every path is tried out
 with the very law by which it will be commanded, and the arm's clearance is looked at after each period.
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.robots.limits import JointReference, shape_command, velocity_towards
 from msrd_ros.robots.robot import Robot
-from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, clearance, obstacle
+from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, clearance, obstacle, self_clearance
 from msrd_ros.table_tennis.ball.scene import Table
 
 PASSING_TOLERANCE_RAD = 0.05
@@ -57,7 +57,7 @@ def find_path(robot: Robot, reference: JointReference, goal: Pose, known: Sequen
     Returns
     -------
     list of arrays
-        Of the first path that keeps clear of table and floor; of the one that keeps clearest if none does.
+        Of the first path that keeps clear of all; of the one that keeps clearest if none does.
     """
     best: list[Pose] = []
     best_m = -np.inf
@@ -94,13 +94,16 @@ def _lifted(robot: Robot, pose: Pose, lift: float) -> Pose:
 def _least_clearance(robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose) -> float:
     """Least clearance in m after any period on the path; of a goal that is not reached in time, -inf."""
     # Nobody can help where the arm is now or that the goal is where it is.
-    fixed_m = (
-        min(clearance(robot.model, reference.position, _TABLE), clearance(robot.model, goal, _TABLE)) - 1e-3
-    )
+    fixed_m = min(_room(robot, reference.position), _room(robot, goal)) - 1e-3
     least_m = np.inf
     for _ in range(round(_LONGEST_S / CONTROL_PERIOD_S)):
         reference, path = follow_path(robot, reference, path, goal, CONTROL_PERIOD_S)
-        least_m = min(least_m, clearance(robot.model, reference.position, _TABLE))
+        least_m = min(least_m, _room(robot, reference.position))
         if not path and np.abs(reference.position - goal).max() < _CLOSE_RAD:
             return least_m if least_m < fixed_m else np.inf
     return -np.inf
+
+
+def _room(robot: Robot, pose: Pose) -> float:
+    """Least distance in m of the arm from table, floor, stand and itself."""
+    return min(clearance(robot.model, pose, _TABLE), self_clearance(robot.model, pose))

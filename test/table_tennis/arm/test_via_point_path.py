@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.robots.limits import JointReference
-from msrd_ros.table_tennis.arm.via_point_path import find_path
+from msrd_ros.robots.loading import load_robot, shipped_robots
+from msrd_ros.table_tennis.arm.collision_model import self_clearance
+from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
@@ -66,3 +68,17 @@ def test_an_arm_low_over_the_table_is_lifted_first(world: World) -> None:
 
 def test_where_nothing_is_in_the_way_it_is_straight() -> None:
     assert find_path(ROBOT, JointReference(HOME_POSTURE_RAD, np.zeros(7)), ready_pose(ALL_LABELS[0])) == []
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_between_strokes_an_arm_keeps_clear_of_itself(name: str) -> None:
+    robot = load_robot(name)
+    strokes = planned_strokes(robot).values()
+    poses = [robot.home_rad, *(stroke.start.position for stroke in strokes)]
+    for start in poses + [stroke.at(2.0).position for stroke in strokes]:
+        for goal in poses:
+            reference = JointReference(start.copy(), np.zeros_like(start))
+            left: Sequence[np.ndarray] = find_path(robot, reference, goal)
+            while left or np.abs(reference.position - goal).max() > 1e-3:
+                reference, left = follow_path(robot, reference, left, goal, CONTROL_PERIOD_S)
+                assert self_clearance(robot.model, reference.position) > 0.02
