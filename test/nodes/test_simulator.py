@@ -108,7 +108,7 @@ def test_feeds_and_strategies_that_cannot_be_are_refused(
     simulator.wait_for_line("topic feed: frame 'camera' is unknown; give the launch in frame 'world'")
     refused = int(shared_stack.diagnosed("simulator")["refused"])
     side.throw(Feed((1.5, 0.0, 1.0), (math.inf, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    side.ask("forehand-lob")
+    side.ask("world")
     shared_stack.wait_until(
         lambda: int(shared_stack.diagnosed("simulator")["refused"]) == refused + 2, "two more refusals"
     )
