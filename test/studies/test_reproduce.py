@@ -41,10 +41,6 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
     return folder, play("inverted_pendulum", folder)
 
 
-def test_quick_study_takes_less_than_a_minute_of_computing(quick: tuple[Path, float]) -> None:
-    assert quick[1] < 60.0
-
-
 def test_quick_study_writes_every_method_and_a_self_contained_report(quick: tuple[Path, float]) -> None:
     methods = written_by_virtual_study("inverted_pendulum", quick[0], pictures=4)
     for name in ("msrd", "msrd_as_printed", "vanilla_distillation", "airl_each", "airl_each_cross"):
