@@ -70,11 +70,14 @@ class InspectionLimits:
         Joint speed as a fraction of its limit, at any sample.
     joint_gap_s, ball_gap_s
         Longest time between two samples from the launch to the outcome, and from the launch to the first.
+    launch_m
+        How far from where it was fed the ball is seen first, m.
     """
 
     speed_tolerance: float = 1.01
     joint_gap_s: float = 0.1
     ball_gap_s: float = 0.25
+    launch_m: float = 0.5
 
 
 def inspect(stroke: Stroke, robot: Robot, limits: InspectionLimits) -> Verdict:
@@ -165,10 +168,26 @@ def _inspect_motion(
         )
     # A ball that a person throws is in nobody's sight before.
     fed = any(message.topic == FEED for message in stroke.messages)
+    strayed_m = _flown_unseen_m(stroke, balls[0])
+    if strayed_m > limits.launch_m:
+        return Verdict(
+            Refusal.LAUNCH_MISSED,
+            f"the ball was first seen {strayed_m:.2f} m from where it was fed; start to record before it",
+        )
     gap_s = _longest_gap_s(stroke, balls, ball_times, stroke.launch_ns if fed else balls[0].log_time_ns)
     if gap_s > limits.ball_gap_s:
         return Verdict(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s")
     return _inspect_speed(robot, np.array(velocities), np.array(joint_times), limits)
+
+
+def _flown_unseen_m(stroke: Stroke, first: BagMessage) -> float:
+    """How far from the place of its feed the ball was when it was first seen, m; 0 where nobody fed it."""
+    feeds = [message for message in stroke.messages if message.topic == FEED]
+    if not feeds:
+        return 0.0
+    place = _read(feeds[-1], FEED).pose.pose.position
+    seen = read_ball_position(_read(first, BALL_POSITION))
+    return float(np.linalg.norm(seen - np.array([place.x, place.y, place.z])))
 
 
 def _read(message: BagMessage, role: str) -> Any:

@@ -348,3 +348,17 @@ def test_gaps_in_sequence_numbers_are_counted() -> None:
     assert counter.lost == 3
     counter.forget()
     assert counter.add(100) == 0
+
+
+def test_a_launch_missed_by_less_than_the_referees_delay_is_seen_by_where_the_ball_is() -> None:
+    """The outcome comes some .3 s after the decision that it tells of, so times alone do not show it."""
+    late = [
+        message
+        for message in stroke_messages(start_ns=SIMULATED_NS)
+        if message.topic in ("strategy", "feed")
+        or message.log_time_ns >= SIMULATED_NS + int((LAUNCH_S + 0.2) * 1e9)
+    ]
+    (torn,) = cut(in_simulated_time(late))
+    verdict = inspect(torn, ROBOT, dataclasses.replace(LIMITS, joint_gap_s=0.5))
+    assert verdict.reason == Refusal.LAUNCH_MISSED
+    assert "from where it was fed" in verdict.detail
