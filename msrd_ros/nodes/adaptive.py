@@ -101,6 +101,10 @@ class AdaptiveSubscription:
         publishers: int = self._subscription.get_publisher_count()
         return publishers > 0
 
+    def close(self) -> None:
+        """Subscribe no more."""
+        self._node.destroy_subscription(self._subscription)
+
     def adapt(self) -> None:
         """Look at the publishers that are there, and ask for what all of them offer."""
         infos = self._node.get_publishers_info_by_topic(self._subscription.topic_name)

@@ -56,6 +56,9 @@ class PlayedBags:
 
     def close(self) -> None:
         """Listen no more."""
+        if self._inputs is None:
+            return
+        self._inputs.close()
         self._inputs = None
         self._settle.cancel()
         self._adapt.cancel()

@@ -28,6 +28,9 @@ from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
 
 STREAMED = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)
 LATCHED = (ROBOT_DESCRIPTION, TF_STATIC)
+BACKLOG = 10_000
+"""Messages of a topic that may wait for this process: the middleware acknowledges what it holds, then drops the
+oldest, and a process that gets no processor time for a second or two would lose what was delivered to it."""
 MOST_LATCHED = 50
 """Latched messages of one topic that a bag carries; /tf_static may come from several publishers."""
 
@@ -77,6 +80,11 @@ class RecorderInputs:
         """Those of the stroke's topics that somebody publishes."""
         return tuple(role for role in STREAMED if self._subscriptions[role].connected)
 
+    def close(self) -> None:
+        """Listen no more."""
+        for subscription in self._subscriptions.values():
+            subscription.close()
+
     def adapt(self) -> None:
         """Follow what the publishers offer."""
         for role, subscription in self._subscriptions.items():
@@ -101,7 +109,8 @@ class RecorderInputs:
                 f"write NAME=PACKAGE/msg/TYPE"
             ) from None
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        profile = QoSProfile(depth=MOST_LATCHED if role == TF_STATIC else depth, durability=durability)
+        backlog = (MOST_LATCHED if role == TF_STATIC else depth) if latched else BACKLOG
+        profile = QoSProfile(depth=backlog, durability=durability)
         self._subscriptions[role] = AdaptiveSubscription(
             self._node, message_type, role, profile, callback, raw=True
         )
