@@ -29,8 +29,8 @@ from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
 STREAMED = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)
 LATCHED = (ROBOT_DESCRIPTION, TF_STATIC)
 BACKLOG = 10_000
-"""Messages of a topic that may wait for this process: the middleware acknowledges what it holds, then drops the
-oldest, and a process that gets no processor time for a second or two would lose what was delivered to it."""
+"""Messages of a topic that may wait for this process: the middleware acknowledges what it holds, then drops
+the oldest, and a process that gets no processor time for a second would lose what was delivered to it."""
 MOST_LATCHED = 50
 """Latched messages of one topic that a bag carries; /tf_static may come from several publishers."""
 
