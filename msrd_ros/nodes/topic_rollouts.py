@@ -121,7 +121,10 @@ class TopicCollector:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for item in message.status:
             values = {pair.key: pair.value for pair in item.values}
-            if item.name == "executor" and values.get("policies") == self._digest and self._digest:
+            namespace = item.name.rpartition("/")[0] or "/"
+            if namespace != self._node.get_namespace() or not self._digest:
+                continue
+            if values.get("policies") == self._digest:
                 self._swapped.set()
 
     def _on_ball(self, message: PointStamped) -> None:

@@ -188,6 +188,18 @@ class Trainer(StackNode):
         if self._players is not None:
             self._players.close()
 
+    def waits_for(self) -> list[str]:
+        """Demonstrations that are missing, while they come over topics."""
+        if self._training is not None:
+            return []
+        counts = self._counts()
+        short = [
+            f"{label} ({counts[label]} of {self.config.wanted})"
+            for label in self._labels or self._strategies.labels
+            if counts[label] < self.config.wanted
+        ]
+        return [f"demonstrations of {', '.join(short)}: play bags, or call ~/start to train on what there is"]
+
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """How far gathering or training is."""
         if self._training is None:
@@ -327,21 +339,29 @@ class Trainer(StackNode):
         if not self._episodes:
             response.success, response.message = False, "no demonstration has arrived yet; play some bags"
             return response
-        self._begin()
+        try:
+            self._begin()
+        except UserError as error:
+            # Raised on the main thread once this answer is on its way.
+            self._failure = error
+            response.success, response.message = False, str(error)
+            return response
         response.success, response.message = True, f"training on {len(self._episodes)} demonstrations"
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None:
-            response.success, response.message = False, "training has not begun"
+        if self._run is None or self._thread is None or not self._thread.is_alive():
+            over = "training has not begun" if self._run is None else "training is over"
+            response.success, response.message = False, over
             return response
         self._run.stop.set()
         response.success, response.message = True, "training ends after the present iteration and is saved"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None:
-            response.success, response.message = False, "training has not begun"
+        if self._run is None or self._thread is None or not self._thread.is_alive():
+            over = "training has not begun" if self._run is None else "training is over"
+            response.success, response.message = False, over
             return response
         self._run.checkpoint_wanted.set()
         response.success, response.message = (

@@ -111,9 +111,10 @@ class Stack:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._said_ns[status.name] = stamp_to_ns(message.header.stamp)
+            name = status.name.removeprefix("/")
+            self._said_ns[name] = stamp_to_ns(message.header.stamp)
             values = {item.key: item.value for item in status.values}
-            self.diagnostics[status.name] = {**values, "message": status.message}
+            self.diagnostics[name] = {**values, "message": status.message}
 
 
 def one_line(process: RunningProcess, name: str, code: int = 2, timeout_s: float = START_TIMEOUT_S) -> str:
