@@ -128,7 +128,7 @@ class StackNode(Node):
         super().__init__(name, **options)
         self._look_into_given_files()
         self.config = read_parameters(self, config_type)
-        self._hooks: dict[str, Callable[[Any], None]] = {}
+        self._hooks: dict[str, Callable[[], None]] = {}
         self._complained_s: dict[str, float] = {}
         domain = self.context.get_domain_id()
         self._waiting = Waiting(lambda line: self.get_logger().info(f"{line} (on domain {domain})"))
@@ -168,12 +168,12 @@ class StackNode(Node):
 
     # -- parameters ----------------------------------------------------------------------------
 
-    def on_change(self, name: str, hook: Callable[[Any], None]) -> None:
-        """Have `hook` called with the new value of a live parameter, which is in `config` by then.
+    def on_change(self, hook: Callable[[], None], *names: str) -> None:
+        """Have `hook` called after any of these live parameters has changed; `config` has it by then.
 
-        What looks the parameter up in `config` whenever it is needed does without a hook.
+        What looks its parameter up in `config` whenever it is needed does without a hook.
         """
-        self._hooks[name] = hook
+        self._hooks.update(dict.fromkeys(names, hook))
 
     def change(self, name: str, value: object) -> None:
         """Set a live parameter from within, as if it had been set from outside.
@@ -197,9 +197,8 @@ class StackNode(Node):
         if result.successful:
             changes = {item.name: item.value for item in wanted if not is_own(item.name)}
             self.config = dataclasses.replace(self.config, **changes)
-            for name, value in changes.items():
-                if name in self._hooks:
-                    self._hooks[name](value)
+            for hook in dict.fromkeys(self._hooks[name] for name in changes if name in self._hooks):
+                hook()
         return result
 
     def _look_into_given_files(self) -> None:

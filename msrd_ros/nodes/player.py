@@ -125,7 +125,7 @@ class Player(StackNode):
         self._state = State.WAITING
         for role in (*LATCHED, *STREAMED):
             self._publisher(role, CONTRACT[role].type_name)
-        self.on_change("rate", lambda _: self._count_time_anew())
+        self.on_change(self._count_time_anew, "rate")
         self.get_logger().info(f"ready: {len(self._bags)} bags, {self._state}")
         steady_timer(self, TICK_S, self._tick)
 

@@ -113,7 +113,7 @@ class Recorder(StackNode):
         self._settle_timer = steady_timer(self, SETTLE_PERIOD_S, self._settle)
         self._settle_timer.cancel()
         self._inputs = RecorderInputs(self, config.extra_topics, self._take)
-        self.on_change("recording", self._change_recording)
+        self.on_change(self._change_recording, "recording")
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/discard", self._on_discard)
@@ -269,8 +269,8 @@ class Recorder(StackNode):
 
     # -- what the user changes -----------------------------------------------------------------
 
-    def _change_recording(self, recording: bool) -> None:
-        if not recording:
+    def _change_recording(self) -> None:
+        if not self.config.recording:
             self._buffer.discard()
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

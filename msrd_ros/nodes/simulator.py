@@ -128,9 +128,8 @@ class Simulator(StackNode):
         else:
             self._real_time_s = time.monotonic()
             self._clockwork = steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
-            self.on_change("joint_state_rate_hz", self._change_rate)
-        for name in ("camera_noise_m", "camera_latency_s", "camera_dropout"):
-            self.on_change(name, lambda _: self._world.change_camera(self._camera_config()))
+            self.on_change(self._change_rate, "joint_state_rate_hz")
+        self.on_change(self._change_camera, "camera_noise_m", "camera_latency_s", "camera_dropout")
 
     def close(self) -> None:
         """Let go of Bullet."""
@@ -142,10 +141,12 @@ class Simulator(StackNode):
             config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
         )
 
-    def _change_rate(self, rate_hz: float) -> None:
-        self._clockwork.cancel()
+    def _change_camera(self) -> None:
+        self._world.change_camera(self._camera_config())
+
+    def _change_rate(self) -> None:
         self.destroy_timer(self._clockwork)
-        self._clockwork = steady_timer(self, 1.0 / rate_hz, self._follow_wall_clock)
+        self._clockwork = steady_timer(self, 1.0 / self.config.joint_state_rate_hz, self._follow_wall_clock)
 
     def waits_for(self) -> list[str]:
         """Who would have to speak for the world to go on, or the arm to move."""

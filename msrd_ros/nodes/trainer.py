@@ -193,12 +193,9 @@ class Trainer(StackNode):
         if self._training is not None:
             return []
         counts = self._counts()
-        short = [
-            f"{label} ({counts[label]} of {self.config.wanted})"
-            for label in self._labels or self._strategies.labels
-            if counts[label] < self.config.wanted
-        ]
-        return [f"demonstrations of {', '.join(short)}: play bags, or call ~/start to train on what there is"]
+        wanted = self._labels or self._strategies.labels
+        short = ", ".join(str(label) for label in wanted if counts[label] < self.config.wanted)
+        return [f"demonstrations of {short}: play bags, or call ~/start to train on what there is"]
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """How far gathering or training is."""
