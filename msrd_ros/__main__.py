@@ -39,9 +39,7 @@ EXECUTABLES: dict[str, Command] = {
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
     "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
-    "doctor": Command(
-        "msrd_ros.stack.doctor", "look at the running stack and say what keeps it from its work"
-    ),
+    "doctor": Command("msrd_ros.stack.doctor", "look at the running stack: what keeps it from its work"),
     "demo": Command("msrd_ros.demo.stages", "the whole stack: teach, record, replay, train, play, report"),
 }
 
