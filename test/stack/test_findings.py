@@ -96,7 +96,7 @@ def test_an_arm_and_its_gripper_are_one_source() -> None:
         ),
         (
             among(replace(sends("/camera", "/ball/position"), type_name="geometry_msgs/msg/Point")),
-            "/camera publishes /ball/position as geometry_msgs/msg/Point, which is a geometry_msgs/msg/PointS",
+            "/camera publishes /ball/position as geometry_msgs/msg/Point, which is a geometry_msgs",
             "of /camera another name",
         ),
         (
