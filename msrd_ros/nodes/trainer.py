@@ -162,6 +162,7 @@ class Trainer(StackNode):
         self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
+        self._collector: Collector | None = None
         self._thread: threading.Thread | None = None
         self._run: Harness | None = None
         self._failure: BaseException | None = None
@@ -189,9 +190,10 @@ class Trainer(StackNode):
             self._players.close()
 
     def waits_for(self) -> list[str]:
-        """Demonstrations that are missing, while they come over topics."""
+        """Demonstrations that are missing while they come over topics, or who plays the policies."""
         if self._training is not None:
-            return []
+            awaited = self._collector.awaited if isinstance(self._collector, TopicCollector) else ""
+            return [awaited] if awaited else []
         counts = self._counts()
         wanted = self._labels or self._strategies.labels
         short = ", ".join(str(label) for label in wanted if counts[label] < self.config.wanted)
@@ -259,11 +261,12 @@ class Trainer(StackNode):
             corrective_cloning=config.corrective_cloning,
             strategy_rewards=config.strategy_rewards,
         )
+        self._collector = self._make_collector()
         self._training = StrokeTraining(
             self._episodes,
             mean_landing_points(self._episodes),
             settings,
-            self._make_collector(),
+            self._collector,
             self._strategies,
         )
         task = RunTask(
