@@ -59,7 +59,8 @@ class LatchedSubscription:
     @property
     def reliable(self) -> bool:
         """Whether all publishers are."""
-        return self._present.reliable
+        reliable: bool = self._present.reliable
+        return reliable
 
     @property
     def lost(self) -> int:

@@ -56,7 +56,7 @@ def context(domain_id: int) -> Iterator[Context]:
 def lamp(context: Context) -> Iterator[Lamp]:
     node = Lamp(context)
     yield node
-    node.destroy_node()
+    node.destroy_node()  # type: ignore[no-untyped-call]
 
 
 def set_to(lamp: Lamp, **values: object) -> str:
