@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_text
+from msrd_ros.core.formats import FIRST_FORMAT, FORMAT_KEY, require_format
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.quintic import JointStroke, stroke_from_rest
@@ -44,6 +45,7 @@ Array = NDArray[np.float64]
 
 PLAN_FILE = "strokes.yaml"
 """Beside ``robot.yaml``."""
+PLAN_FORMAT = 1
 
 _ANOTHER_FAMILY_RAD = 0.3
 _LONGEST_PATH_STEPS = 500
@@ -229,7 +231,10 @@ def write_strokes(robot: Robot, strokes: dict[PaperLabel, JointStroke], path: Pa
         "# Times in s since the ball's launch, angles in rad. `planned_for` tells the arm as it was then.\n"
     )
     body = yaml.safe_dump(
-        {"planned_for": plan_key(robot), **document}, sort_keys=False, default_flow_style=None, width=110
+        {FORMAT_KEY: PLAN_FORMAT, "planned_for": plan_key(robot), **document},
+        sort_keys=False,
+        default_flow_style=None,
+        width=110,
     )
     write_text(path, head + body)
 
@@ -268,9 +273,10 @@ def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[Pa
     remedy = f"write them with python -m msrd_ros plan {path.parent}"
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        require_format(document.get(FORMAT_KEY, FIRST_FORMAT), PLAN_FORMAT, str(path))
         planned_for = document["planned_for"]
         strokes = {label: _stroke(document[str(label)], joints) for label in ALL_LABELS}
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+    except (OSError, ValueError, AttributeError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{path}: no usable planned strokes ({error!r}); {remedy}") from None
     if planned_for != key:
         raise UserError(f"{path}: planned for the arm as it was ({planned_for}, now {key}); {remedy}")

@@ -287,6 +287,7 @@ def test_kept_strokes_read_back(tmp_path: Path) -> None:
         ("backhand-slice:", "backhand-lob:"),
         ("hit_time_s: 0.941357", "hit_time_s: soon"),
         ("planned_for: ", "planned_for: 0"),
+        ("planned_for: ", "format: none\nplanned_for: "),
         ("forehand-push:", "forehand-push: ["),
         ("ready_position: [-0.114049, ", "ready_position: ["),
     ],
@@ -298,6 +299,15 @@ def test_unusable_kept_strokes_are_named_with_the_command_that_makes_them(
     assert old in text
     (tmp_path / PLAN_FILE).write_text(text.replace(old, new, 1))
     with pytest.raises(UserError, match=rf"{PLAN_FILE}.*msrd_ros plan {tmp_path}"):
+        planned_strokes(replace(ROBOT, folder=tmp_path))
+
+
+def test_kept_strokes_of_a_newer_format_are_refused(tmp_path: Path) -> None:
+    write_strokes(ROBOT, planned_strokes(), tmp_path / PLAN_FILE)
+    text = (tmp_path / PLAN_FILE).read_text()
+    assert "\nformat: 1\n" in text
+    (tmp_path / PLAN_FILE).write_text(text.replace("\nformat: 1\n", "\nformat: 2\n"))
+    with pytest.raises(UserError, match=rf"{PLAN_FILE}: is of format 2, .* upgrade msrd_ros"):
         planned_strokes(replace(ROBOT, folder=tmp_path))
 
 
