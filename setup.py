@@ -35,8 +35,8 @@ def tree(top: str) -> list[tuple[str, list[str]]]:
     return found
 
 
-# Lower bounds are what `make test-lowest` installs (constraints-lowest.txt) and at least a year old; torch's is not
-# tried below the lock: of older ones there are only CUDA builds of gigabytes on the index, and no small ones.
+# Lower bounds are what `make test-lowest` installs (constraints-lowest.txt), a year older than constraints.txt or
+# more. Torch's is not tried: of other versions than the lock's we have no build without gigabytes of CUDA.
 
 # A sourced ROS installation has rclpy and the messages, built against NumPy 1; elsewhere wheels bring them.
 if os.environ.get("ROS_DISTRO"):
