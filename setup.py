@@ -35,8 +35,8 @@ def tree(top: str) -> list[tuple[str, list[str]]]:
     return found
 
 
-# Lower bounds are what `make test-lowest` installs (constraints-lowest.txt), a year older than constraints.txt or
-# more. Torch's is not tried: of other versions than the lock's we have no build without gigabytes of CUDA.
+# Lower bounds are what `make test-lowest` installs (constraints-lowest.txt), a year older than the lock
+# or more. Torch's is not tried: of other versions than the lock's we have no build without gigabytes of CUDA.
 
 # A sourced ROS installation has rclpy and the messages, built against NumPy 1; elsewhere wheels bring them.
 if os.environ.get("ROS_DISTRO"):
@@ -57,7 +57,8 @@ SIMULATION = [
 STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.1.6"]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
-EXAMPLES = ["gymnasium[box2d]>=1.0"]
+# Not gymnasium's own extra: before 1.2.3 it compiles Box2D.
+EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0"]
 DOCUMENTS = ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8"]
 
 setup(
