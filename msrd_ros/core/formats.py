@@ -20,6 +20,9 @@ FIRST_FORMAT = 1
 REPORT_FORMAT = 1
 """Of ``training.json``, the evaluator's report and ``metrics.json``."""
 
+_REPORT_NAMES = {"sweep": "iteration", "sweeps": "iterations"}
+"""Names of 0.1.0, and what they are called now."""
+
 
 def require_format(found: object, newest: int, where: str) -> None:
     """Refuse what this version cannot read.
@@ -48,6 +51,13 @@ def require_format(found: object, newest: int, where: str) -> None:
         )
 
 
+def renamed(node: Any, names: Mapping[str, str]) -> Any:
+    """Nested data with its keys under the names that they have now."""
+    if isinstance(node, dict):
+        return {names.get(key, key): renamed(value, names) for key, value in node.items()}
+    return [renamed(value, names) for value in node] if isinstance(node, list) else node
+
+
 def write_report(path: Path, content: Mapping[str, Any]) -> None:
     """Write figures as JSON, with the version of their format before them.
 
@@ -60,7 +70,7 @@ def write_report(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_report(path: Path) -> dict[str, Any]:
-    """Inverse of `write_report`; reports of 0.1.0, which state no format, are read as well.
+    """Inverse of `write_report`; reports of 0.1.0, which state no format, come under present names.
 
     Raises
     ------
@@ -73,5 +83,7 @@ def read_report(path: Path) -> dict[str, Any]:
         raise UserError(f"{path}: no readable report ({error}); make it anew, or give another") from None
     if not isinstance(content, dict):
         raise UserError(f"{path}: no report of msrd_ros (no map of figures); give another")
-    require_format(content.pop(FORMAT_KEY, FIRST_FORMAT), REPORT_FORMAT, str(path))
+    if FORMAT_KEY not in content:
+        return dict(renamed(content, _REPORT_NAMES))
+    require_format(content.pop(FORMAT_KEY), REPORT_FORMAT, str(path))
     return content

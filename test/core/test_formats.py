@@ -41,6 +41,14 @@ def test_reports_read_back_and_say_their_format(tmp_path: Path) -> None:
         read_report(path)
 
 
+def test_reports_of_0_1_0_are_read_under_present_names() -> None:
+    training, rates = (read_report(EARLIER / name) for name in ("training.json", "rates.json"))
+    assert training["iterations"] == training["config"]["iterations"] == 2
+    assert [point["iteration"] for point in training["curve"]] == [0, 1, 2]
+    assert list(rates["labels"]) == training["labels"]
+    assert all(row["fed"] == 2 for row in rates["labels"].values())
+
+
 @pytest.mark.parametrize("text", ["", "{", "[1]", "7", '{"format": null}'])
 def test_other_files_are_no_reports(tmp_path: Path, text: str) -> None:
     (tmp_path / "report.json").write_text(text)
