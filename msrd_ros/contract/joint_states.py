@@ -99,10 +99,11 @@ class JointStateTranslator:
         names = tuple(message.name)
         order = self._order(names)
         if order is None:
-            self._pass_over(
-                f"messages with {_listed(names)} are passed over: they lack {self._lacking(names)}"
-            )
+            self.belongs(names)
             return None
+        for joint in self._wanted:
+            if names.count(joint) > 1:
+                raise UserError(f"{self._where}: joint {joint} is named twice; let one device publish it")
         position = self._take(message.position, order, names, "position")
         if position is None:
             self._pass_over("messages without positions are passed over")
