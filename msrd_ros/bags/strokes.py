@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from msrd_ros.bags.cdr import read_frame_id, read_stamp_ns
@@ -106,7 +106,7 @@ class Stroke:
     launch_ns: int
     end_ns: int
     messages: tuple[BagMessage, ...]
-    received_ns: tuple[int, ...]
+    received_ns: tuple[int, ...] = field(compare=False)
     lost: int
 
 

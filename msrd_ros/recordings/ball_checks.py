@@ -1,4 +1,4 @@
-"""What no ball can have done, and a paddle that was not where the ball was struck."""
+"""What no ball can have done."""
 
 from __future__ import annotations
 
@@ -8,18 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.recordings.limits import InspectionLimits
-from msrd_ros.recordings.paddle import paddle_places
 from msrd_ros.recordings.samples import Track
 from msrd_ros.recordings.verdict import Finding, Refusal
-from msrd_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
 _GRAVITY_M_S2 = 9.81
 _DRAG_AND_LIFT_1_M = 0.28
 """rho A C / (2 m) of a table tennis ball at C = 1: drag and lift together have less at any spin."""
-_TURNED_M = 0.5
-"""A ball that has come so far back has been struck."""
 
 
 def check_ball(track: Track, limits: InspectionLimits) -> Iterator[Finding]:
@@ -41,34 +37,6 @@ def check_ball(track: Track, limits: InspectionLimits) -> Iterator[Finding]:
     time_s = (track.time_ns - track.time_ns[0]) / 1e9
     jumps = list(_check_jumps(track, time_s, limits))
     yield from jumps or _check_fall(track, time_s, limits)
-
-
-def check_hit(ball: Track, joints: Track, robot: Robot, limits: InspectionLimits) -> Iterator[Finding]:
-    """Whether the paddle was there when the ball turned round.
-
-    Parameters
-    ----------
-    ball, joints
-        From the launch to the decision, the newest last.
-    robot, limits
-        Whose paddle, and how near.
-    """
-    if len(ball) < 2 or not len(joints):
-        return
-    turn = int(ball.values[:, 0].argmin())
-    if ball.values[turn:, 0].max() - ball.values[turn, 0] < _TURNED_M:
-        return  # nobody struck it, as far as one can see
-    near = np.abs(joints.time_ns - ball.time_ns[turn]) <= limits.hit_s * 1e9
-    if not near.any():
-        return
-    apart = np.linalg.norm(paddle_places(robot, joints.values[near]) - ball.values[turn], axis=1)
-    if apart.min() > limits.paddle_m:
-        yield Finding(
-            Refusal.PADDLE_ELSEWHERE,
-            f"the ball turned round {float(apart.min()):.2f} m from the paddle of {robot.name} (joints in "
-            f"another order, frozen or of another arm? clocks or frames apart?)",
-            int(ball.message[turn]),
-        )
 
 
 def _check_room(track: Track, limits: InspectionLimits) -> Iterator[Finding]:

@@ -24,8 +24,9 @@ from msrd_ros.contract.topics import (
 )
 from msrd_ros.contract.translation import EpisodeAssembler
 from msrd_ros.core.errors import UserError
-from msrd_ros.recordings.ball_checks import check_ball, check_hit
+from msrd_ros.recordings.ball_checks import check_ball
 from msrd_ros.recordings.clock_checks import check_clocks
+from msrd_ros.recordings.hit_checks import check_hit
 from msrd_ros.recordings.joint_checks import check_joints
 from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.recordings.samples import StrokeSamples, Track, read_samples
@@ -198,7 +199,7 @@ def _flown_unseen_m(stroke: Stroke, feed: BagMessage, balls: Track) -> float:
         place = _read(feed, FEED).pose.pose.position
     except UserError:
         return 0.0  # a feed that cannot be read tells nothing
-    seen = balls.values[min(int(np.searchsorted(balls.log_ns, stroke.launch_ns)), len(balls) - 1)]
+    seen = balls.values[max(int(np.searchsorted(balls.log_ns, stroke.launch_ns, side="right")) - 1, 0)]
     strayed_m = float(np.linalg.norm(seen - np.array([place.x, place.y, place.z])))
     return strayed_m if np.isfinite(strayed_m) else 0.0
 

@@ -53,15 +53,16 @@ class BagLibrary:
                 raise UserError(
                     f"folder {root}: {state}; give a folder of bags, a bag's directory or an MCAP file"
                 )
-            before = len(seen)
-            for path in find_bags(root, seen):
+            known = len(seen)
+            found = find_bags(root, seen)
+            for path in found:
                 try:
                     bags.append(read_info(path))
                 except UserError as error:
                     if strict:
                         raise
                     refused.append(str(error))
-            if len(seen) == before:
+            if not found and (not known or len(seen) > known):
                 raise UserError(
                     f"folder {root}: holds no bags; record some with the recorder, or give another folder"
                 )

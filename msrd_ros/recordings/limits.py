@@ -51,6 +51,9 @@ class InspectionLimits:
     hit_s, paddle_m
         The paddle is that near to the place where the ball turns round, so long before or after it: the blade
         has a radius of 0.08 m, and a ball moves 0.1 m between two frames of a slow camera.
+    aslant_deg, bounce
+        How far from the blade's normal the ball's velocity changes (rubber grips: 15 degrees in our own
+        strokes), and its speed off the blade over that towards it (0.5 to 0.9).
     """
 
     speed_tolerance: float = 1.01
@@ -75,8 +78,10 @@ class InspectionLimits:
     flight_window_s: float = 0.15
     flight_slack_m_s2: float = 5.0
     flight_share: float = 0.7
-    hit_s: float = 0.1
-    paddle_m: float = 0.4
+    hit_s: float = 0.05
+    paddle_m: float = 0.25
+    aslant_deg: float = 50.0
+    bounce: tuple[float, float] = (0.0, 2.0)
 
     @classmethod
     def of(cls, custom_data: Mapping[str, str]) -> InspectionLimits:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,8 +12,15 @@ from msrd_ros.robots.robot import Robot
 Array = NDArray[np.float64]
 
 
-def paddle_places(robot: Robot, joint_position: Array) -> Array:
-    """The blade's centre in `world`, shape (n, 3) in m, at joint angles (n, N) in rad.
+class PaddlePoses(NamedTuple):
+    """The blade's centre (n, 3) in m and the unit normal (n, 3) of its forehand face, in `world`."""
+
+    place: Array
+    normal: Array
+
+
+def paddle_poses(robot: Robot, joint_position: Array) -> PaddlePoses:
+    """Where the paddle is at joint angles (n, N) in rad.
 
     What `robots.kinematics` computes; bags are read without the compiler that it needs.
     """
@@ -22,7 +31,8 @@ def paddle_places(robot: Robot, joint_position: Array) -> Array:
     for offset, turn, angle in zip(arm["offsets"], arm["rotations"], joint_position.T, strict=True):
         place = place + rotation @ offset
         rotation = rotation @ turn @ _turns_about_z(angle)
-    return np.asarray(place + rotation @ arm["paddle_position"])
+    place = place + rotation @ arm["paddle_position"]
+    return PaddlePoses(place, (rotation @ arm["paddle_rotation"])[:, :, 1])
 
 
 def _turns_about_z(angle: Array) -> Array:

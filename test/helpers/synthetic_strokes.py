@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from msrd_ros.bags.schemas import serialise, typestore
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.topics import CONTRACT, BagMessage, BagTopic
-from msrd_ros.recordings.paddle import paddle_places
+from msrd_ros.recordings.paddle import paddle_poses
 from sawyer import JOINT_NAMES, ROBOT, SPEED_LIMIT_RAD_S
 
 START_NS = 1_700_000_000_000_000_000
@@ -18,10 +18,12 @@ LAUNCH_S = 0.3
 RALLY_S = 1.95
 HIT_S = 0.6
 FEEDER = (1.6, 0.0, 1.3)
-MIDDLE = np.array([-0.8, 0.1, 1.0])
+MIDDLE = np.array([-1.5, 0.0, 1.0])
 """Where a ball is struck if nobody says where the paddle is."""
 SCALE = 0.5
-"""Peak speed of the joints over their limits."""
+"""Peak speed of the first joint over its limit."""
+POSTURE_RAD = np.array([0.0, -0.3, -0.1, 0.9, -1.6, 1.6, -0.8])
+SWING_RAD_S = SPEED_LIMIT_RAD_S * np.array([1.0, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
 URDF = (
     '<robot name="sawyer"><link name="world"/><link name="base"/><link name="paddle"/>'
     '<joint name="pedestal" type="fixed"><parent link="world"/><child link="base"/>'
@@ -41,15 +43,15 @@ def header(time_ns: int, frame_id: str) -> Any:
 
 
 def joint_position(time_ns: int, velocity_scale: float = SCALE) -> NDArray[np.float64]:
-    """Where the seven joints are, (7,) in rad: they swing once a second."""
+    """Angles of the seven joints, (7,): they swing once a second, about a posture that faces the ball."""
     phase = 2 * np.pi * (time_ns % 10**9) / 1e9
-    return np.asarray(velocity_scale * SPEED_LIMIT_RAD_S * np.sin(phase) / (2 * np.pi))
+    return np.asarray(POSTURE_RAD + velocity_scale * SWING_RAD_S * np.sin(phase) / (2 * np.pi))
 
 
 def joint_state(time_ns: int, frame_id: str, velocity_scale: float = SCALE, names: Any = None) -> bytes:
-    """All seven joints swing; each peaks at `velocity_scale` of its speed limit once a second."""
+    """The first joint's speed peaks at `velocity_scale` of its limit once a second, the others' at less."""
     phase = 2 * np.pi * (time_ns % 10**9) / 1e9
-    velocity = velocity_scale * SPEED_LIMIT_RAD_S * np.cos(phase)
+    velocity = velocity_scale * SWING_RAD_S * np.cos(phase)
     position = joint_position(time_ns, velocity_scale)[: len(names or JOINT_NAMES)]
     velocity = velocity[: len(position)]
     message = make(
@@ -66,8 +68,8 @@ def joint_state(time_ns: int, frame_id: str, velocity_scale: float = SCALE, name
 def ball_at(since_launch_s: float, struck_at: NDArray[np.float64] = MIDDLE) -> NDArray[np.float64]:
     """At rest at the feeder, off the table to the paddle, struck there, and off the far half."""
     legs = [
-        (0.4, np.array(FEEDER), np.array([-0.2, 0.0, 0.78])),
-        (HIT_S - 0.4, np.array([-0.2, 0.0, 0.78]), struck_at),
+        (0.4, np.array(FEEDER), np.array([-0.6, 0.0, 0.78])),
+        (HIT_S - 0.4, np.array([-0.6, 0.0, 0.78]), struck_at),
         (0.5, struck_at, np.array([0.8, 0.1, 0.78])),
         (0.9, np.array([0.8, 0.1, 0.78]), np.array([2.6, 0.1, 0.2])),
     ]
@@ -149,7 +151,8 @@ def stroke_messages(
     for time_ns in range(start_ns, end_ns + 1, round(1e9 / joint_hz)):
         frame = (label if time_ns >= launch_ns else "") if joint_frame is None else joint_frame
         rows.append((time_ns, "joint_states", joint_state(time_ns, frame, velocity_scale)))
-    (struck_at,) = paddle_places(ROBOT, joint_position(launch_ns + int(HIT_S * 1e9), velocity_scale)[None])
+    at_hit = joint_position(launch_ns + int(HIT_S * 1e9), velocity_scale)
+    (struck_at,) = paddle_poses(ROBOT, at_hit[None]).place
     rows += [
         (time_ns, "ball/position", ball_position(time_ns, (time_ns - launch_ns) / 1e9, struck_at))
         for time_ns in range(start_ns, end_ns + 1, round(1e9 / ball_hz))
