@@ -58,7 +58,7 @@ def _check_stamps(track: Track, launch_ns: int, limits: InspectionLimits) -> Ite
         return
     still_s = np.where(step_s == 0.0, passed_s, 0.0)
     begins = np.flatnonzero(np.diff(np.append(0.0, still_s > 0.0)) > 0)
-    for row in begins:
+    for row in begins.tolist():
         stop = row + int(np.append(still_s[row:], 0.0).argmin())
         if still_s[row:stop].sum() > limits.joint_gap_s:
             yield Finding(

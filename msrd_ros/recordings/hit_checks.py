@@ -6,6 +6,7 @@ or frames of robot and camera that differ.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -75,7 +76,8 @@ def _rebound_fault(
     if came is None or went is None or swing is None:
         return ""  # a camera that is too slow for this
     change = went - came
-    aslant_deg = float(np.degrees(np.arccos(min(abs(float(change @ normal)) / np.linalg.norm(change), 1.0))))
+    along = abs(float(change @ normal)) / float(np.linalg.norm(change))
+    aslant_deg = math.degrees(math.acos(min(along, 1.0)))
     if aslant_deg > limits.aslant_deg:
         return f"{aslant_deg:.0f} degrees aslant to the blade"
     bounce = -float((went - swing) @ normal) / float((came - swing) @ normal)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 SETTABLE = ("speed_tolerance", "joint_gap_s", "ball_gap_s")
 """What the recorder's parameters set; a bag says it in its `custom_data`, so that readers accept the same."""
@@ -86,13 +86,13 @@ class InspectionLimits:
     @classmethod
     def of(cls, custom_data: Mapping[str, str]) -> InspectionLimits:
         """Those that a bag was recorded with, where it says so."""
-        told = {}
+        told: dict[str, float] = {}
         for name in SETTABLE:
             try:
                 told[name] = float(custom_data[name])
             except (KeyError, ValueError):
-                continue
-        return cls(**told)
+                continue  # nothing or nonsense: as usual
+        return replace(cls(), **told)
 
     def settings(self) -> dict[str, str]:
         """What is not as usual, as it travels in a bag's `custom_data`."""

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class PaddlePoses(NamedTuple):
-    """The blade's centre (n, 3) in m and the unit normal (n, 3) of its forehand face, in `world`."""
+    """The blade's centre (n, 3) in m and the unit normal (n, 3) of its front face, in `world`."""
 
     place: Array
     normal: Array

@@ -62,8 +62,15 @@ class Track:
 
     def select(self, rows: NDArray[np.bool_]) -> Track:
         """The samples of some rows, shape (n,)."""
-        arrays = (self.time_ns, self.log_ns, self.received_ns, self.message, self.values, self.velocity)
-        return Track(self.role, *(array[rows] for array in arrays))
+        return Track(
+            self.role,
+            self.time_ns[rows],
+            self.log_ns[rows],
+            self.received_ns[rows],
+            self.message[rows],
+            self.values[rows],
+            self.velocity[rows],
+        )
 
 
 @dataclass

@@ -77,7 +77,7 @@ def ball_at(since_launch_s: float, struck_at: NDArray[np.float64] = MIDDLE) -> N
     for length_s, begin, end in legs:
         if left_s <= length_s or end[0] > 2.0:
             fall = 0.5 * 9.81 * left_s * (length_s - left_s)
-            return begin + (end - begin) * left_s / length_s + np.array([0.0, 0.0, fall])
+            return np.asarray(begin + (end - begin) * left_s / length_s + np.array([0.0, 0.0, fall]))
         left_s -= length_s
     raise AssertionError("the last leg has no end")
 

@@ -169,13 +169,13 @@ def test_a_choice_is_played_and_broken_bags_are_named(
     file = next(torn.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[:20_000])
     gone = keep(tmp_path, "backhand-push", "s01", number=5)
-    (gone / "metadata.yaml").unlink()
+    (gone / "metadata.yaml").write_text("{")
     parameters = {"bags": f"[{tmp_path}]", "labels": "[backhand-push]", "subjects": "[s01]", "rate": 20.0}
     process = launcher.start("player", parameters=parameters)
     listener.hear(process)
     assert process.wait() == 0
     assert listener.messages["joint_states"] == of(Bag(wanted).raw(), "joint_states")
-    process.wait_for_line(rf"left out: bag {gone}: has no metadata.yaml")
+    process.wait_for_line(rf"left out: bag {gone}: metadata.yaml is not readable")
     process.wait_for_line(rf"left out: bag {torn}: is cut off or damaged")
     process.wait_for_line("played 1 bags, .*, 1 left out")
 
