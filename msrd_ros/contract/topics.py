@@ -106,7 +106,7 @@ class BagMessage(NamedTuple):
 
 def say_topic(role: str, name: str = "NAME") -> str:
     """How a user says which topic of a bag plays a part: to a node, and to the command `check`."""
-    return f"say which one it is: topics:='[{role}:={name}]', or --topics {role}:={name} to check"
+    return f"say which one it is: topics:='[\"{role}:={name}\"]', or --topics {role}:={name} to check"
 
 
 def parse_topic_names(entries: list[str], where: str) -> dict[str, str]:

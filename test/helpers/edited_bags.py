@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,11 +50,11 @@ def edited(messages: Iterable[BagMessage], edits: dict[str, Edit]) -> list[BagMe
     return found
 
 
-def write(path: Path, messages: list[BagMessage], **custom_data: str) -> Path:
-    """A rosbag2 directory of messages of the contract's topics."""
+def write(path: Path, messages: list[BagMessage], types: Mapping[str, str] | None = None) -> Path:
+    """A rosbag2 directory; `types` are those of topics that are not called as the contract calls them."""
     names = dict.fromkeys(message.topic for message in messages)
-    topics = [BagTopic(name, _type_of(name)) for name in names]
-    write_bag(path, topics, messages, custom_data)
+    topics = [BagTopic(name, (types or {}).get(name) or _type_of(name)) for name in names]
+    write_bag(path, topics, messages, {})
     return path
 
 
@@ -84,5 +84,4 @@ def write_mcap(file: Path, messages: list[BagMessage], summary: bool = True) -> 
 
 
 def _type_of(topic: str) -> str:
-    role = topic if topic in CONTRACT else topic.lstrip("/")
-    return CONTRACT[role].type_name if role in CONTRACT else "std_msgs/msg/String"
+    return CONTRACT[topic if topic in CONTRACT else topic.lstrip("/")].type_name

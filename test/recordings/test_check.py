@@ -417,17 +417,8 @@ def test_topics_of_other_names_are_said_as_the_error_says(
     messages = [m._replace(topic=renamed.get(m.topic, m.topic)) for m in messages_of()]
     path = tmp_path / f"{LABEL}_001"
     topics = dict.fromkeys(renamed.values(), "sensor_msgs/msg/JointState")
-    write_renamed(path, messages, topics)
+    write(path, messages, topics)
     assert main(["check", str(path), "--json"]) == 1
     (one,) = json.loads(capsys.readouterr().out)
     assert "--topics joint_states:=NAME" in one["refused"]
     assert main(["check", str(path), "--json", "--topics", "joint_states:=/arm/joints"]) == 0
-
-
-def write_renamed(path: Path, messages: list[Any], types: dict[str, str]) -> None:
-    from msrd_ros.bags.writer import write_bag
-    from msrd_ros.contract.topics import CONTRACT, BagTopic
-
-    names = dict.fromkeys(message.topic for message in messages)
-    contract = {f"/{name.lstrip('/')}": facts.type_name for name, facts in CONTRACT.items()}
-    write_bag(path, [BagTopic(name, types.get(name) or contract[name]) for name in names], messages, {})
