@@ -1,7 +1,7 @@
 """Lets the stack play for hours of lockstep time, and watches memory, file handles and threads of its nodes.
 
-Run from the repository: ``python benchmarks/soak.py [--hours 8] [--out out/soak]``, or ``make soak``; eight hours
-take about one. Exit status: 0 if all stayed flat between the first tenth and the end, 1 if not.
+Run from the repository: ``python benchmarks/soak.py [--hours 8] [--out FOLDER]``, or ``make soak``; eight
+hours take about one. Exit status: 0 if all stayed flat between the first tenth and the end, 1 if not.
 """
 
 from __future__ import annotations
