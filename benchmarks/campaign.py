@@ -17,10 +17,10 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "helpers")]
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
-from faults import files, messages, nodes  # noqa: E402
+from faults import clocks, files, messages, nodes  # noqa: E402
 from faults.trials import run_trials, write_table  # noqa: E402
 
-TRIALS = (*files.TRIALS, *nodes.TRIALS, *messages.TRIALS)
+TRIALS = (*files.TRIALS, *nodes.TRIALS, *messages.TRIALS, *clocks.TRIALS)
 
 
 def main() -> int:

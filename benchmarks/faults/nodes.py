@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from domains import reserved_domain
+from faults.files import mutate_yaml
 from faults.guard import Guard, check_kept, wait_until
 from faults.trials import Finding, NotTriedError, Setting, Trial
 from made_up_policies import made_up_policies
@@ -23,6 +24,7 @@ from processes import RunningProcess
 from stack import Stack
 
 PLAYERS = ("simulator", "executor", "evaluator", "recorder")
+CONFIG = Path(__file__).parents[2] / "config"
 RECOVERY_S = 60.0
 """How long after the end of a fault balls may stay away."""
 
@@ -43,6 +45,7 @@ class Play:
     finding: Finding
     parameters: dict[str, dict[str, Any]]
     remaps: Mapping[str, Sequence[str]]
+    environments: Mapping[str, Mapping[str, str]]
     relays: list[Any] = field(default_factory=list)
     nodes: dict[str, RunningProcess] = field(default_factory=dict)
 
@@ -67,7 +70,12 @@ class Play:
             self.guard.forget()
         words = [word for remap in self.remaps.get(name, ()) for word in ("-r", remap)]
         arguments = ["--ros-args", *words] if words else []
+        environment = self.environments.get(name, {})
+        for variable, value in environment.items():
+            self.stack.launcher.set(variable, value)
         self.nodes[name] = self.stack.launcher.start(name, *arguments, parameters=self.parameters[name])
+        for variable in environment:
+            self.stack.launcher.unset(variable)
 
     def spin(self) -> None:
         """Take what has come."""
@@ -108,6 +116,7 @@ def play(
     parameters: Mapping[str, dict[str, Any]] = MappingProxyType({}),
     remaps: Mapping[str, Sequence[str]] = MappingProxyType({}),
     connect: Callable[[Play], list[Any]] = lambda _: [],
+    environments: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
 ) -> Iterator[Play]:
     """A whole stack in lockstep time, playing; checked once more at its end.
 
@@ -115,7 +124,7 @@ def play(
     ----------
     setting, finding
         Of the trial.
-    parameters, remaps
+    parameters, remaps, environments
         Of nodes by name, besides those that every trial has.
     connect
         Puts something between the nodes before they are started.
@@ -123,7 +132,7 @@ def play(
     policies = setting.folder / "policies.safetensors"
     policies.write_bytes(made_up_policies().to_bytes())
     with reserved_domain() as domain, Stack(domain, setting.folder) as stack:
-        scene = Play(stack, setting.folder, policies, finding, dict(parameters), remaps)
+        scene = Play(stack, setting.folder, policies, finding, dict(parameters), remaps, environments)
         scene.relays = connect(scene)
         for name in ("simulator", "executor", "recorder", "evaluator"):
             scene.start(name)
@@ -275,6 +284,31 @@ def _mount(*arguments: str) -> None:
         raise NotTriedError(f"no small disk can be mounted ({done.stderr.strip()})")
 
 
+def damaged_parameter_files(setting: Setting) -> Finding:
+    """Start nodes with parameter files that were mutated: they run, or end with one line that says why."""
+    rng, finding = setting.rng("parameter files"), Finding()
+    names = ("executor", "player", "recorder", "simulator", "trainer")
+    with reserved_domain() as domain, Stack(domain, setting.folder) as stack:
+        for number in range(setting.count(60, least=2)):
+            finding.tried += 1
+            name = names[number % len(names)]
+            path = setting.folder / f"{name}_{number}.yaml"
+            path.write_bytes(mutate_yaml((CONFIG / f"{name}.yaml").read_bytes(), rng))
+            process = stack.launcher.start(name, "--ros-args", "--params-file", str(path))
+            wait_until(lambda: time.sleep(0.05), lambda p=process: not p.running or "ready" in p.output, 30.0)  # type: ignore[misc]
+            if process.running:
+                process.kill()
+                continue
+            lines = [line for line in process.output.splitlines() if f"{name}: error: " in line]
+            finding.require(
+                len(lines) == 1, f"{path.name}: {len(lines)} error lines: {process.output[-300:]}"
+            )
+            finding.require(
+                "Traceback" not in process.output, f"{path.name}: traceback: {process.output[-300:]}"
+            )
+    return finding
+
+
 _PLAYS_ON = "limits kept; play goes on; what was kept is there; who ends says why"
 TRIALS = (
     Trial("killed", "SIGKILL of a node in play, started again", _PLAYS_ON, killed),
@@ -282,5 +316,11 @@ TRIALS = (
     Trial("without-cpu", "no processor for all nodes together", _PLAYS_ON, without_cpu),
     Trial("file-size", "files of the recorder cannot grow", _PLAYS_ON, file_size_limit),
     Trial("disk-full", "the recorder's disk is full", _PLAYS_ON, full_disk),
+    Trial(
+        "parameter-files",
+        "nodes started with mutated parameter files",
+        "runs, or ends with one line that says why",
+        damaged_parameter_files,
+    ),
     Trial("disk-read-only", "the recorder's disk turns read-only", _PLAYS_ON, read_only_disk),
 )
