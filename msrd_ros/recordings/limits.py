@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 SETTABLE = ("speed_tolerance", "joint_gap_s", "ball_gap_s")
 """What the recorder's parameters set; a bag says it in its `custom_data`, so that readers accept the same."""
@@ -86,7 +87,7 @@ class InspectionLimits:
     @classmethod
     def of(cls, custom_data: Mapping[str, str]) -> InspectionLimits:
         """Those that a bag was recorded with, where it says so."""
-        told: dict[str, float] = {}
+        told: dict[str, Any] = {}
         for name in SETTABLE:
             try:
                 told[name] = float(custom_data[name])
