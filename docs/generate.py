@@ -71,7 +71,8 @@ def _range(facts: ParameterFacts) -> str:
 def arrows() -> dict[str, set[str]]:
     """Rooms that each room's files import, from the import statements themselves."""
     found: dict[str, set[str]] = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
+    # A room's command line stands above the rooms.
+    for path in sorted(path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py"):
         own = _room(".".join(path.relative_to(ROOT).with_suffix("").parts))
         if own is None:
             continue

@@ -6,7 +6,6 @@ Each stage starts its nodes as processes of their own and stops them afterwards.
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import time
@@ -15,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msrd_ros.core import formats
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.files import write_text
 from msrd_ros.learning.harness import RESULT_FILE
 from msrd_ros.robots.loading import DEFAULT_ROBOT, load_robot
 from msrd_ros.stack.monitor import Monitor
@@ -74,8 +73,8 @@ class Demo:
             self._stage("play", "Play every strategy", monitor)
             played = monitor.values("simulator")
             self._stage("film", "Film one stroke of each", monitor)
-        evaluation = json.loads((config.out / "evaluation.json").read_text())
-        training = json.loads((config.out / "training" / RESULT_FILE).read_text())
+        evaluation = formats.read_report(config.out / "evaluation.json")
+        training = formats.read_report(config.out / "training" / RESULT_FILE)
         labels = {
             label: {
                 "demonstrations": training["demonstrations"][label],
@@ -100,7 +99,7 @@ class Demo:
             "subjects": config.subjects,
             "iterations": training["iterations"],
         }
-        write_text(config.out / "metrics.json", json.dumps(metrics, indent=1) + "\n")
+        formats.write_report(config.out / "metrics.json", metrics)
         return metrics
 
     def _stage(self, name: str, title: str, monitor: Monitor) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import re
 import signal
 import sys
@@ -23,6 +24,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import ok, try_shutdown
 
+from msrd_ros.core.discovery import stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.given_files import given_files, require_section
@@ -234,6 +236,7 @@ def run(
     code = 0
     try:
         _answer_help(name, arguments, description)
+        stay_on_this_machine(os.environ)
         try:
             rclpy.init(args=[name, *arguments])
         except Exception as error:  # rclpy raises RCLError and UnknownROSArgsError for unusable arguments

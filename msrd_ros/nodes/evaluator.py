@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import read_outcome
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import write_report
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import (
     COMMAND,
@@ -216,8 +216,7 @@ class Evaluator(StackNode):
                 "labels": {label: row.to_json() for label, row in rates.items()},
             }
             path = Path(self.config.report).expanduser()
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
+            write_report(path, report)
             print(f"written to {path}", flush=True)
         raise Finished(0)
 

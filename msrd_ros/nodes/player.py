@@ -17,7 +17,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
-from msrd_ros.bags.metadata import BagInfo
+from msrd_ros.bags.info import BagInfo
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import (
@@ -191,8 +191,9 @@ class Player(StackNode):
             header = Header(stamp=_stamp(first_ns), frame_id=str(next(iter(labels))))
             messages.insert(0, BagMessage(STRATEGY, serialize_message(header), first_ns, first_ns))
         types = {bag.role(name): type_name for name, type_name in bag.info.types.items()}
-        for topic in {message.topic for message in messages}:
-            self._publisher(topic, types.get(topic) or CONTRACT[topic].type_name)
+        for topic in dict.fromkeys(message.topic for message in messages):
+            facts = CONTRACT.get(topic)
+            self._publisher(topic, types.get(topic) or (facts.type_name if facts else "unknown"))
         return [message for message in messages if self._outputs[message.topic] is not None]
 
     def _publisher(self, topic: str, type_name: str) -> None:
@@ -205,13 +206,13 @@ class Player(StackNode):
             depth=MOST_LATCHED if topic == TF_STATIC else depth,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
+        self._outputs[topic] = None
         try:
             message_type = import_message_type(type_name)
-        except UserError as error:
-            self._outputs[topic] = None
-            self.get_logger().info(f"topic {topic} is not played: {error}")
-            return
-        self._outputs[topic] = self.create_publisher(message_type, topic, profile)
+            self._outputs[topic] = self.create_publisher(message_type, topic, profile)
+        except Exception as error:  # a name or type from elsewhere that the middleware does not take
+            reason = (str(error).splitlines() or [repr(error)])[0]
+            self.get_logger().warning(f"topic {topic} is not played: {reason}")
 
     # -- playing -------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import Trigger
 
 from msrd_ros import __version__
+from msrd_ros.bags.devices import ArmMessages
 from msrd_ros.bags.metadata import check_subject
 from msrd_ros.bags.stroke_buffer import StrokeBuffer
 from msrd_ros.bags.strokes import Arrival, CutSettings, Stroke
@@ -22,8 +23,9 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import EVENT, StackNode, robot_parameter, run, status, steady_timer
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
-from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict
+from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.recordings.store import StoreResult, StrokeStore
+from msrd_ros.recordings.verdict import Refusal, Verdict
 from msrd_ros.robots.loading import load_robot
 
 ADAPT_PERIOD_S = 0.25
@@ -92,14 +94,16 @@ class Recorder(StackNode):
         super().__init__("recorder", RecorderConfig)
         config = self.config
         self._directory = self._prepare_directory()
+        robot = load_robot(config.robot)
+        self._is_arms = ArmMessages(robot)
         self._store = StrokeStore(
             self._directory,
-            load_robot(config.robot),
+            robot,
             InspectionLimits(config.speed_tolerance, config.joint_gap_s, config.ball_gap_s),
             f"msrd_ros {__version__}",
             int(config.minimum_free_mb * MEGABYTE),
         )
-        self._buffer = StrokeBuffer(CutSettings(config.pre_roll_s, longest_s=config.longest_s))
+        self._buffer = StrokeBuffer(CutSettings(config.pre_roll_s, longest_s=config.longest_s), self._is_arms)
         self._discarding = False
         self._kept = 0
         self._last_kept: Path | None = None
@@ -137,6 +141,7 @@ class Recorder(StackNode):
             "rejected": self._rejected.total(),
             **{f"rejected_{reason}": count for reason, count in sorted(self._rejected.items())},
             "messages_lost": self._inputs.lost,
+            "passed_over": self._is_arms.passed_over,
             "disk_left_mb": self._store.free_bytes // MEGABYTE,
             "stroke_under_way": self._buffer.under_way,
             "decided": self._buffer.pending,
@@ -186,6 +191,8 @@ class Recorder(StackNode):
             silent = [role for role in STREAMED if role not in self._heard]
             silence = f"; nobody publishes {', '.join(silent)}" if silent else ""
             self.get_logger().info(f"hears {', '.join(self._heard) or 'nothing'}{silence}")
+        for line in self._is_arms.news():
+            self.get_logger().warning(line)
         if self._buffer.expired_feeds > self._feeds_told:
             self._feeds_told = self._buffer.expired_feeds
             self.get_logger().warning(
@@ -237,7 +244,8 @@ class Recorder(StackNode):
         if verdict.accepted:
             self._kept += 1
             self._last_kept = result.path
-            logger.info(f"kept {result.name}: {result.path}")
+            notes = "".join(f"; {note}" for note in verdict.notes)
+            logger.info(f"kept {result.name}: {result.path}{notes}")
         else:
             self._rejected[verdict.reason] += 1
             stored = f"; stored all the same: {result.path}" if result.path else ""

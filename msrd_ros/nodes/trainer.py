@@ -14,9 +14,9 @@ from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
-from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
@@ -33,9 +33,9 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.messages import bytes_to_message
-from msrd_ros.nodes.played_bags import PlayedBags
+from msrd_ros.nodes.played_bags import COUNT, PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
-from msrd_ros.recordings.episodes import read_episodes
+from msrd_ros.recordings.episodes import read_bags
 from msrd_ros.recordings.library import BagLibrary
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
@@ -65,6 +65,7 @@ class TrainerConfig:
         choices=("folder", "played"),
     )
     bags: str = parameter("", "Folder of bags; empty takes the small set that the package ships")
+    topics: list[str] = parameter([], "What topics are called in the bags, as NAME:=NAME_IN_BAG")
     robot: str = robot_parameter()
     labels: list[str] = parameter([], "Strategies to learn; empty takes all that are demonstrated")
     strategies: str = parameter("", STRATEGIES_HELP)
@@ -210,12 +211,24 @@ class Trainer(StackNode):
     def _read_bags(self) -> None:
         folder = Path(self.config.bags).expanduser() if self.config.bags else shipped_bags()
         library = BagLibrary.scan(folder)
-        for line in library.refused:
-            self.get_logger().warning(f"left out: {line}")
         chosen = library.select(self._labels, self.config.subjects)
-        for info in tqdm(chosen, unit="bag", desc="read"):
-            self._episodes += read_episodes(Bag(info.path), self._robot)
-        self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}")
+        refused = list(library.refused)
+        notes: Counter[str] = Counter()
+        names = parse_topic_names(self.config.topics, "parameter topics of trainer")
+        for reading in tqdm(
+            read_bags(chosen, self._robot, names), total=len(chosen), unit="bag", desc="read"
+        ):
+            self._episodes += [e for e in reading.episodes if not self._labels or e.label in self._labels]
+            refused += [f"bag {reading.info.path}: {reason}" for reason in reading.refused]
+            notes.update(COUNT.sub("", note) for note in reading.notes)
+        if not self._episodes:
+            raise UserError(f"no demonstration is left; {refused[0] if refused else folder}")
+        for line in refused:
+            self.get_logger().warning(f"left out: {line}")
+        for note, bags in notes.items():
+            self.get_logger().warning(f"{note} ({bags} bags)")
+        left_out = f", {len(refused)} left out" if refused else ""
+        self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}{left_out}")
 
     def _take(self, episode: Episode) -> None:
         if self._training is not None or (self._labels and episode.label not in self._labels):
