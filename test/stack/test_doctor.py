@@ -26,6 +26,7 @@ pytestmark = pytest.mark.processes
 
 LABEL = ALL_LABELS[0]
 PATIENCE = 5
+COMPILING_S = 180.0
 
 
 class Patient:
@@ -94,7 +95,7 @@ def test_faults_are_found_and_a_healthy_stack_is_let_go(
     stack.wait_until(lambda: node.count_publishers("ball/position") == 1, "the end of the second camera")
 
     wrong_arm = stack.start("executor", robot="ur10e")
-    wrong_arm.wait_for_line("ready: lockstep")
+    wrong_arm.wait_for_line("ready: lockstep", COMPILING_S)
     policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
     policy.publish(bytes_to_message(made_up_policies([LABEL]).to_bytes()))
     patient.require(
@@ -108,7 +109,7 @@ def test_faults_are_found_and_a_healthy_stack_is_let_go(
     checkpoint = tmp_path / "policies.safetensors"
     checkpoint.write_bytes(made_up_policies([LABEL]).to_bytes())
     executor = stack.start("executor", checkpoint=checkpoint)
-    executor.wait_for_line("waits for a strategy: publish one on topic strategy")
+    executor.wait_for_line("waits for a strategy: publish one on topic strategy", COMPILING_S)
     patient.require("/executor waits for a strategy: publish one on topic strategy (since ")
 
     # As `ros2 topic pub -1` does: volatile and reliable.
