@@ -38,7 +38,13 @@ def _parse(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="doctor", description=__doc__)
     parser.add_argument("--domain", type=int, help="ROS domain to look at; ROS_DOMAIN_ID, or 0")
     parser.add_argument("--namespace", default="/", help="look only at what is in it, such as /left")
-    parser.add_argument("--wait", type=float, default=5.0, metavar="S", help="listen for S seconds; 5")
+    parser.add_argument(
+        "--wait",
+        type=float,
+        default=5.0,
+        metavar="S",
+        help="listen for S seconds, longer where answers are missing; 5",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object, and nothing else")
     arguments = parser.parse_args(argv)
     if not SHORTEST_S <= arguments.wait <= 3600.0:

@@ -31,6 +31,8 @@ LISTENED = ("joint_states", "ball/position", "joint_command", "rally/outcome", "
 ASKED = ("robot", "mode", "checkpoint")
 GRAPH_SHARE = 0.4
 """Of the time: for finding who is there, before anything is subscribed to."""
+LONGEST_SHARE = 3.0
+"""Of the time: for who is there and has not answered yet, as on a loaded machine."""
 ASK_PERIOD_S = 0.1
 DEPTH = 1000
 
@@ -56,9 +58,12 @@ class Look:
         self._executor.add_node(self._node)
         self._heard: dict[str, Heard] = {}
         self._said: dict[str, Said] = {}
-        self._policies: dict[str, str] = {}
+        self._policies: dict[str, str | None] = {}
         self._parameters: dict[str, dict[str, Any]] = {}
+        self._clients: dict[str, Client] = {}
+        self._open_questions: set[tuple[str, str]] = set()
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._take_word, DEPTH)
+        self._node.create_timer(ASK_PERIOD_S, self._ask)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -69,11 +74,12 @@ class Look:
     def take(self, wait_s: float) -> Snapshot:
         """Listen for `wait_s` seconds, and say what was there."""
         self._spin(GRAPH_SHARE * wait_s)
-        endpoints = self._endpoints()
-        self._ask(sorted({end.node for end in endpoints if end.topic == "/diagnostics" and end.publishes}))
-        self._listen(endpoints)
+        self._listen(self._endpoints())
         begun_s = time.monotonic()
         self._spin((1.0 - GRAPH_SHARE) * wait_s)
+        end_s = time.monotonic() + LONGEST_SHARE * wait_s
+        while self._lacks_answers and time.monotonic() < end_s:
+            self._executor.spin_once(timeout_sec=ASK_PERIOD_S)
         for heard in self._heard.values():
             heard.seconds = time.monotonic() - begun_s
         own = self._node.get_fully_qualified_name()
@@ -87,7 +93,7 @@ class Look:
             self._heard,
             {name: said for name, said in self._said.items() if self._is_wanted(name)},
             self._parameters,
-            self._policies,
+            {topic: robot for topic, robot in self._policies.items() if robot},
             tuple(other for other in domains_in_use() if other != domain),
         )
 
@@ -117,25 +123,33 @@ class Look:
 
     # -- what is asked and heard ---------------------------------------------------------------
 
-    def _ask(self, nodes: list[str]) -> None:
-        clients = {name: self._node.create_client(GetParameters, f"{name}/get_parameters") for name in nodes}
-        self._parameters = {name: {} for name in nodes}
-
-        def call_who_is_ready() -> None:
-            # A request to a service that is not yet matched would be lost.
-            for name in [name for name, client in clients.items() if client.service_is_ready()]:
-                self._call(name, clients.pop(name))
-
-        self._node.create_timer(ASK_PERIOD_S, call_who_is_ready)
+    def _ask(self) -> None:
+        """Ask nodes of the stack for their parameters once they are found and their services are there."""
+        for info in self._node.get_publishers_info_by_topic("/diagnostics"):
+            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            if name not in self._parameters and self._is_wanted(name):
+                self._parameters[name] = {}
+                self._clients[name] = self._node.create_client(GetParameters, f"{name}/get_parameters")
+        # A request to a service that is not yet matched would be lost.
+        for name in [name for name, client in self._clients.items() if client.service_is_ready()]:
+            self._call(name, self._clients.pop(name))
 
     def _call(self, node: str, client: Client) -> None:
         for parameter in ASKED:
+            self._open_questions.add((node, parameter))
             future = client.call_async(GetParameters.Request(names=[parameter]))
             future.add_done_callback(
                 lambda done, parameter=parameter: self._take_parameter(node, parameter, done.result())
             )
 
+    @property
+    def _lacks_answers(self) -> bool:
+        """Whether a node has not spoken or answered, or policies have not come, that are there."""
+        silent = self._parameters.keys() - self._said.keys()
+        return bool(silent or self._clients or self._open_questions or None in self._policies.values())
+
     def _take_parameter(self, node: str, parameter: str, answer: Any) -> None:
+        self._open_questions.discard((node, parameter))
         for value in answer.values:
             self._parameters[node][parameter] = parameter_value_to_python(value)
 
@@ -152,6 +166,7 @@ class Look:
                 kind = import_message_type(TOPICS[role].type_name)
                 self._node.create_subscription(kind, topic, self._taker(topic), any_publisher)
             if role == "policy":
+                self._policies[topic] = None
                 latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
                 self._node.create_subscription(UInt8MultiArray, topic, self._policy_taker(topic), latched)
 
