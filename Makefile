@@ -9,9 +9,11 @@ CONSTRAINTS ?= constraints.txt
 OUT ?= out/demo
 ROBOT ?= sawyer
 PYTEST_ARGS ?=
+WORKERS ?= 2
 
 SUPPORTED := 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))'
 BIN := $(VENV)/bin
+PYTEST = $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadgroup
 STAMP := $(VENV)/.complete
 LOWEST := .venv-lowest
 
@@ -36,6 +38,7 @@ help:  ## Say what there is
 	@echo "  ROBOT=...     which arm the demo plays: a name of config/robots or a folder; $(ROBOT) now"
 	@echo "  OUT=...       where the demo writes; $(OUT) now"
 	@echo "  PYTEST_ARGS=... more arguments for pytest, such as -k simulator"
+	@echo "  WORKERS=...   how many tests run side by side; those that start nodes go one by one; $(WORKERS) now"
 
 venv: $(STAMP)  ## Set up the environment
 
@@ -52,20 +55,20 @@ demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with RO
 	$(BIN)/python -m msrd_ros demo --out $(OUT) --robot $(ROBOT)
 
 test: lint  ## Check style and types, run all tests
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(PYTEST) $(PYTEST_ARGS)
 
 docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
-	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
+	$(PYTEST) -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
 
 test-lowest:  ## Run all tests at the lowest versions that setup.py allows, in an environment of their own
 	$(MAKE) VENV=$(LOWEST) CONSTRAINTS=constraints-lowest.txt venv
 	$(LOWEST)/bin/python -m pytest $(PYTEST_ARGS)
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
-	$(BIN)/python -m pytest --cov --cov-report term:skip-covered $(PYTEST_ARGS)
+	$(PYTEST) --cov --cov-report term:skip-covered $(PYTEST_ARGS)
 
 lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff check

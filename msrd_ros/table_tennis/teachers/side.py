@@ -236,7 +236,7 @@ def _unled_torque(arm: Arm, damping: Array, joints: Array, rates: Array, acceler
 @njit(cache=True, nogil=True)
 def singular_residual(arm: Arm, joints: Array) -> float:
     """How near to a singular posture joint angles (N,) are: 0 where the paddle can move every way."""
-    least = np.linalg.svd(paddle_jacobian(arm, joints))[1][-1]
+    least: float = np.linalg.svd(paddle_jacobian(arm, joints))[1][-1]
     return max(LEAST_SINGULAR_VALUE - least, 0.0) / _SINGULAR_EXCESS
 
 
