@@ -115,7 +115,7 @@ setup(
             "pytest>=8",
             "pytest-cov>=5",
             "pytest-timeout>=2.3.1",
-            "pytest-xdist>=3.6",
+            "pytest-xdist>=3.6.1",
             "ruff>=0.6",
             "setuptools<80",  # colcon-core needs the install command that later ones dropped
             "types-pyyaml",
