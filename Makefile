@@ -26,7 +26,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test suite test-fast test-lowest coverage docs lint format dist clean
+.PHONY: help venv demo test suite test-fast test-lowest coverage campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -70,6 +70,12 @@ test-lowest:  ## Run all tests at the lowest versions that setup.py allows, in a
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
 	$(PYTEST) --cov --cov-report term:skip-covered $(PYTEST_ARGS)
+
+campaign: $(STAMP)  ## Break the running stack in every way that is known, for about 45 minutes; goes on where it stopped
+	$(BIN)/python benchmarks/campaign.py
+
+soak: $(STAMP)  ## Play for eight hours of lockstep time, in about one, and watch memory, handles and threads
+	$(BIN)/python benchmarks/soak.py
 
 lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff check
