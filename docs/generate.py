@@ -42,14 +42,20 @@ def parameters() -> str:
     """One table of parameters for each node."""
     parts = []
     for node in NODES:
-        parts += [f"## {node}", "", "| parameter | default | range | meaning |", "|---|---|---|---|"]
+        parts += [
+            f"## {node}",
+            "",
+            "| parameter | default | range | set | meaning |",
+            "|---|---|---|---|---|",
+        ]
         defaults = config_type(node)()
         for field in dataclasses.fields(defaults):
             facts: ParameterFacts = field.metadata["parameter"]
             default = json.dumps(getattr(defaults, field.name))
             unit = f" [{facts.unit}]" if facts.unit else ""
             meaning = re.sub(r"([|<*_])", r"\\\1", f"{facts.description.rstrip('.')}{unit}")
-            parts.append(f"| `{field.name}` | `{default}` | {_range(facts)} | {meaning} |")
+            when = "live" if facts.live else "at start"
+            parts.append(f"| `{field.name}` | `{default}` | {_range(facts)} | {when} | {meaning} |")
         parts.append("")
     return "\n".join(parts)
 

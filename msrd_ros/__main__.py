@@ -39,10 +39,11 @@ EXECUTABLES: dict[str, Command] = {
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
     "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
+    "doctor": Command("msrd_ros.stack.doctor", "look at the running stack: what keeps it from its work"),
     "demo": Command("msrd_ros.demo.stages", "the whole stack: teach, record, replay, train, play, report"),
 }
 
-EXTRAS = {"nodes": "ros,sim", "demo": "ros,sim", "studies": "studies"}
+EXTRAS = {"nodes": "ros,sim", "stack": "ros,sim", "demo": "ros,sim", "studies": "studies"}
 """Extras of the installation that commands need, by the room that a command lives in."""
 
 USER_ERROR = 2

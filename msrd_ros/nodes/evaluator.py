@@ -65,6 +65,10 @@ class EvaluatorConfig:
     )
 
 
+PATIENCE_S = 5.0
+"""A stroke with all its ways takes less."""
+
+
 class Evaluator(StackNode):
     """One ball after the other: strategy, feed, outcome."""
 
@@ -99,6 +103,16 @@ class Evaluator(StackNode):
         """How many balls are fed and returned."""
         returned = sum(outcome.returned for outcomes in self._outcomes.values() for outcome in outcomes)
         return "playing", {"balls": self._index, "of": len(self._balls), "returned": returned}
+
+    def waits_for(self) -> list[str]:
+        """Whose answer is due for longer than an answer takes."""
+        if time.monotonic() - self._since_s < PATIENCE_S:
+            return []
+        if self._waiting_for == "outcome":
+            return ["rally/outcome of the ball that was fed: look after simulator and executor"]
+        if not self.count_publishers("rally/outcome"):
+            return ["rally/outcome: start a simulator"]
+        return [f"a joint_command for {self._label}: start an executor with policies for it"]
 
     def _read_facts(self) -> Mapping[StrategyLabel, StrokeFacts]:
         """What the checkpoint tells of its strategies; nothing without one."""

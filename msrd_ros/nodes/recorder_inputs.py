@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from msrd_ros.bags.schemas import describe_type
 from msrd_ros.bags.strokes import STATES, Arrival
@@ -25,6 +25,7 @@ from msrd_ros.contract.topics import (
 )
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
+from msrd_ros.nodes.latched import LatchedSubscription
 
 STREAMED = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)
 LATCHED = (ROBOT_DESCRIPTION, TF_STATIC)
@@ -56,7 +57,7 @@ class RecorderInputs:
     def __init__(self, node: Node, extra_topics: list[str], take: Callable[[Arrival], None]) -> None:
         self._node = node
         self._take = take
-        self._subscriptions: dict[str, AdaptiveSubscription] = {}
+        self._subscriptions: dict[str, AdaptiveSubscription | LatchedSubscription] = {}
         self.topics: dict[str, BagTopic] = {}
         self.latched: dict[str, list[bytes]] = {}
         for role in STREAMED:
@@ -108,12 +109,15 @@ class RecorderInputs:
                 f"parameter extra_topics of {self._node.get_name()}: {role}: {error}; "
                 f"write NAME=PACKAGE/msg/TYPE"
             ) from None
-        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        backlog = (MOST_LATCHED if role == TF_STATIC else depth) if latched else BACKLOG
-        profile = QoSProfile(depth=backlog, durability=durability)
-        self._subscriptions[role] = AdaptiveSubscription(
-            self._node, message_type, role, profile, callback, raw=True
-        )
+        if latched:
+            kept = MOST_LATCHED if role == TF_STATIC else depth
+            self._subscriptions[role] = LatchedSubscription(
+                self._node, message_type, role, callback, kept, raw=True
+            )
+        else:
+            self._subscriptions[role] = AdaptiveSubscription(
+                self._node, message_type, role, QoSProfile(depth=BACKLOG), callback, raw=True
+            )
 
     def _pass_on(self, role: str, received: Received) -> None:
         self._take(

@@ -162,6 +162,7 @@ class Trainer(StackNode):
         self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
+        self._collector: Collector | None = None
         self._thread: threading.Thread | None = None
         self._run: Harness | None = None
         self._failure: BaseException | None = None
@@ -187,6 +188,16 @@ class Trainer(StackNode):
             self._thread.join()
         if self._players is not None:
             self._players.close()
+
+    def waits_for(self) -> list[str]:
+        """Demonstrations that are missing while they come over topics, or who plays the policies."""
+        if self._training is not None:
+            awaited = self._collector.awaited if isinstance(self._collector, TopicCollector) else ""
+            return [awaited] if awaited else []
+        counts = self._counts()
+        wanted = self._labels or self._strategies.labels
+        short = ", ".join(str(label) for label in wanted if counts[label] < self.config.wanted)
+        return [f"demonstrations of {short}: play bags, or call ~/start to train on what there is"]
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """How far gathering or training is."""
@@ -250,11 +261,12 @@ class Trainer(StackNode):
             corrective_cloning=config.corrective_cloning,
             strategy_rewards=config.strategy_rewards,
         )
+        self._collector = self._make_collector()
         self._training = StrokeTraining(
             self._episodes,
             mean_landing_points(self._episodes),
             settings,
-            self._make_collector(),
+            self._collector,
             self._strategies,
         )
         task = RunTask(
@@ -327,21 +339,29 @@ class Trainer(StackNode):
         if not self._episodes:
             response.success, response.message = False, "no demonstration has arrived yet; play some bags"
             return response
-        self._begin()
+        try:
+            self._begin()
+        except UserError as error:
+            # Raised on the main thread once this answer is on its way.
+            self._failure = error
+            response.success, response.message = False, str(error)
+            return response
         response.success, response.message = True, f"training on {len(self._episodes)} demonstrations"
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None:
-            response.success, response.message = False, "training has not begun"
+        if self._run is None or self._thread is None or not self._thread.is_alive():
+            over = "training has not begun" if self._run is None else "training is over"
+            response.success, response.message = False, over
             return response
         self._run.stop.set()
         response.success, response.message = True, "training ends after the present iteration and is saved"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None:
-            response.success, response.message = False, "training has not begun"
+        if self._run is None or self._thread is None or not self._thread.is_alive():
+            over = "training has not begun" if self._run is None else "training is over"
+            response.success, response.message = False, over
             return response
         self._run.checkpoint_wanted.set()
         response.success, response.message = (
