@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
 from msrd_ros.core.errors import UserError
-from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
+from msrd_ros.nodes.adaptive import ADAPT_PERIOD_S, AdaptiveSubscription, Received
 from msrd_ros.nodes.common import STATE, steady_timer
 from msrd_ros.nodes.input_clocks import InputClocks, Order
 from msrd_ros.nodes.sources import Sources
@@ -24,7 +24,7 @@ from msrd_ros.robots.robot import Robot
 
 SILENCE_S = 2.0
 """Not heard for so long, a topic is waited for."""
-ADAPT_PERIOD_S = 0.25
+FURTHEST_BALL_M = 50.0
 
 
 class TickInput(NamedTuple):
@@ -153,7 +153,12 @@ class TickInputs:
         now_s = self._ball_heard_s = self._now_s()
         message = received.message
         try:
-            self._ball = _Ball(read_ball_position(message), stamp_to_ns(message.header.stamp), now_s)
+            position = read_ball_position(message)
+            if np.abs(position).max() > FURTHEST_BALL_M:
+                raise UserError(
+                    f"topic ball/position: {position} is out of any room; give it in metres in frame world"
+                )
+            self._ball = _Ball(position, stamp_to_ns(message.header.stamp), now_s)
             self._clocks.ball(self._ball.stamp_ns, now_s)
         except UserError as error:
             self._refuse(error)

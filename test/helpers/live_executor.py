@@ -10,6 +10,7 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import PointStamped
 from rclpy.time import Time
+from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
@@ -50,9 +51,8 @@ class LiveExecutor:
         self.said: list[str] = []
         self._sequence = 0
         node._now_s = lambda: self.now_s
-        node._output._publisher.publish = self.commands.append
-        complain = node.complain
-        node.complain = lambda error: (self.said.append(str(error)), complain(error))  # type: ignore
+        node._output._publisher.publish = self.commands.append  # type: ignore[assignment, method-assign]
+        node.complain = lambda error: self.said.append(str(error))  # type: ignore[method-assign, assignment]
 
     @property
     def moves(self) -> bool:
@@ -148,8 +148,6 @@ def require_safe(commands: list[JointTrajectory], pauses: bool = False) -> None:
         assert times[0] == CONTROL_PERIOD_S
         assert np.all(np.diff(times) > 0.0)
         assert not np.any(command.points[-1].velocities)
-        if before is not None and (before[0] == 0.0).all():
-            pass
         earlier, earlier_s = before, 0.0
         for point, time_s in zip(command.points, times, strict=True):
             position, velocity = np.array(point.positions), np.array(point.velocities)
@@ -179,4 +177,4 @@ def live_executor(domain_id: int, **parameters: object) -> Iterator[LiveExecutor
         yield LiveExecutor(node)
     finally:
         node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
