@@ -185,9 +185,7 @@ def test_an_arm_that_strays_is_led_on_from_where_it_is() -> None:
         player.tick(player.reference.position, *at_ball(step))
     before = player.phase
     held_up = player.reference.position - np.array([0.0, 0.0, 0.11, 0.0, 0.0, 0.0, 0.0])
-    references = [player.reference]
-    for step in range(15, 45):
-        references.append(player.tick(held_up, *at_ball(step)))
+    references = [player.reference, *(player.tick(held_up, *at_ball(step)) for step in range(15, 45))]
     assert (before, player.phase) == (Phase.STROKE, Phase.RESTING)
     # Back to where the arm is, within the limits all the way.
     assert np.abs(references[-1].position - held_up).max() < 0.1 * 0.2
