@@ -101,7 +101,7 @@ class InputClocks:
             ("ahead", "ahead of", ahead_s > self._timeout_s()),
             ("behind", "behind", ahead_s < -self._timeout_s() and not self._silent and not stands),
         ):
-            text = f"stamps of ball/position are {abs(ahead_s):.3g} s {words} those of joint_states"
+            text = f"stamps of ball/position are {abs(ahead_s):.4g} s {words} those of joint_states"
             self._say(kind, f"{text}: let both machines keep the same time, or raise stale_timeout_s", off)
         return abs(ahead_s) <= self._timeout_s()
 

@@ -168,10 +168,9 @@ class StrokePolicies:
                     f"{where}: ready pose of {text} has {ready_pose.size} joints, {arm.name} has "
                     f"{arm.joint_count}; train again"
                 )
-            if landing_point.shape != (2,):
+            if landing_point.shape != (2,) or np.isinf(landing_point).any():
                 raise UserError(
-                    f"{where}: landing point of {text} has {landing_point.size} numbers, not x and y; "
-                    f"train again"
+                    f"{where}: landing point of {text} is {landing_point.tolist()}, not x and y; train again"
                 )
             fits = (ready_pose >= arm.limits.lower_rad) & (ready_pose <= arm.limits.upper_rad)
             if not fits.all():
