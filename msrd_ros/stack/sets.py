@@ -159,6 +159,14 @@ _GUI = Argument(
 _SEED = Argument("seed", "Everything random follows from it", unset=_FROM_FILE.format("0"), read=as_count(0))
 
 
+def _patience(values: Values) -> dict[str, Value]:
+    """How long to wait for the others: while one that starts for the first time compiles, all others wait.
+
+    Who is lost is noticed at once by who has started all of them. A parameter file decides on its own.
+    """
+    return {} if "params_file" in values else {"timeout_s": 300.0}
+
+
 def _teach(values: Values) -> tuple[Stage, ...]:
     simulator = NodeCall("simulator", values.pick(robot="robot", gui="gui", seed="seed"))
     recorder = NodeCall("recorder", values.pick(robot="robot", directory="bags"))
@@ -167,7 +175,7 @@ def _teach(values: Values) -> tuple[Stage, ...]:
         Stage(
             "record",
             "Teach and record",
-            (simulator, recorder, NodeCall("demonstrator", study, Part.ENDS)),
+            (simulator, recorder, NodeCall("demonstrator", {**_patience(values), **study}, Part.ENDS)),
         ),
     )
 
@@ -192,7 +200,7 @@ def _play(values: Values) -> tuple[Stage, ...]:
             report="report",
             seed="seed",
         )
-        nodes.append(NodeCall("evaluator", asked, Part.ENDS))
+        nodes.append(NodeCall("evaluator", {**_patience(values), **asked}, Part.ENDS))
     return (Stage("play", "Play every strategy", tuple(nodes)),)
 
 

@@ -130,6 +130,11 @@ class RunningProcess:
         self._reader.join(timeout_s)
         return code
 
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
     def cpu_seconds(self) -> float:
         """Processor time that the process has used so far (Linux)."""
         fields = Path("/proc", str(self._process.pid), "stat").read_text().rsplit(")", 1)[1].split()
