@@ -149,7 +149,9 @@ def test_every_module_has_its_room() -> None:
 
 @pytest.mark.parametrize("name", ROOMS)
 def test_imports_run_downwards_only(name: str) -> None:
-    found = [line for path in sorted((ROOT / name).rglob("*.py")) for line in violations(name, path)]
+    # A room's command line stands above all rooms, as the package's does; nobody imports it.
+    files = [path for path in sorted((ROOT / name).rglob("*.py")) if path.name != "__main__.py"]
+    found = [line for path in files for line in violations(name, path)]
     assert not found, "\n".join(found)
 
 

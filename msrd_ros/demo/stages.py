@@ -5,14 +5,13 @@ Each stage starts its nodes as processes of their own and stops them afterwards.
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from pathlib import Path
 from typing import Any
 
+from msrd_ros.core import formats
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.files import write_text
 from msrd_ros.learning.harness import RESULT_FILE
 from msrd_ros.robots.loading import DEFAULT_ROBOT, load_robot
 from msrd_ros.stack.arguments import Values
@@ -57,8 +56,8 @@ class Demo:
                 self._run(stage, monitor)
                 figures[stage.name] = monitor.values("recorder" if stage.name == "record" else "simulator")
         recorded, played = figures["record"], figures["play"]
-        evaluation = json.loads((self._out / "evaluation.json").read_text())
-        training = json.loads((self._out / "training" / RESULT_FILE).read_text())
+        evaluation = formats.read_report(self._out / "evaluation.json")
+        training = formats.read_report(self._out / "training" / RESULT_FILE)
         labels = {
             label: {
                 "demonstrations": training["demonstrations"][label],
@@ -83,7 +82,7 @@ class Demo:
             "subjects": self._values["subjects"],
             "iterations": training["iterations"],
         }
-        write_text(self._out / "metrics.json", json.dumps(metrics, indent=1) + "\n")
+        formats.write_report(self._out / "metrics.json", metrics)
         return metrics
 
     def _run(self, stage: Stage, monitor: Monitor) -> None:

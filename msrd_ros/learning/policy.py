@@ -20,6 +20,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import require_format
 from msrd_ros.learning.layout import Layout
 
 FORMAT_VERSION = 1
@@ -196,7 +197,7 @@ def read_header(data: bytes, where: str) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If `data` is no checkpoint of this package or of another format version.
+        If `data` is no checkpoint of this package, or of a newer format.
     """
     try:
         length = int.from_bytes(data[:8], "little")
@@ -207,6 +208,5 @@ def read_header(data: bytes, where: str) -> dict[str, Any]:
         version = content["format"]
     except (ValueError, KeyError, TypeError):
         raise UserError(f"{where}: not a checkpoint of msrd_ros; give one that the trainer wrote") from None
-    if version != FORMAT_VERSION:
-        raise UserError(f"{where}: checkpoint format {version}, this version reads {FORMAT_VERSION}; retrain")
+    require_format(version, FORMAT_VERSION, where)
     return content

@@ -146,6 +146,17 @@ class Demonstrator(StackNode):
             values |= {"subject": self._name(trial), "strategy": trial.label, "attempt": trial.attempt}
         return self._stage.value, values
 
+    def waits_for(self) -> list[str]:
+        """Who is not there yet, or whose answer is due for longer than an answer takes."""
+        missing = []
+        if not self._teach.service_is_ready():
+            missing.append("service simulator/teach: start a simulator")
+        if self.config.recorder and not self._recorder.services_are_ready():
+            missing.append(f"a recorder called {self.config.recorder}: start it, or say recorder:=''")
+        if not missing and time.monotonic() - self._since_s > VERDICT_PATIENCE_S:
+            missing.append(f"progress: {self._stage.value}; look after simulator and recorder")
+        return missing
+
     def _name(self, trial: Trial) -> str:
         return subject_name(self.config.first_subject + trial.subject)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import read_outcome
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import write_report
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import (
     COMMAND,
@@ -65,6 +65,10 @@ class EvaluatorConfig:
     )
 
 
+PATIENCE_S = 5.0
+"""A stroke with all its ways takes less."""
+
+
 class Evaluator(StackNode):
     """One ball after the other: strategy, feed, outcome."""
 
@@ -99,6 +103,16 @@ class Evaluator(StackNode):
         """How many balls are fed and returned."""
         returned = sum(outcome.returned for outcomes in self._outcomes.values() for outcome in outcomes)
         return "playing", {"balls": self._index, "of": len(self._balls), "returned": returned}
+
+    def waits_for(self) -> list[str]:
+        """Whose answer is due for longer than an answer takes."""
+        if time.monotonic() - self._since_s < PATIENCE_S:
+            return []
+        if self._waiting_for == "outcome":
+            return ["rally/outcome of the ball that was fed: look after simulator and executor"]
+        if not self.count_publishers("rally/outcome"):
+            return ["rally/outcome: start a simulator"]
+        return [f"a joint_command for {self._label}: start an executor with policies for it"]
 
     def _read_facts(self) -> Mapping[StrategyLabel, StrokeFacts]:
         """What the checkpoint tells of its strategies; nothing without one."""
@@ -202,8 +216,7 @@ class Evaluator(StackNode):
                 "labels": {label: row.to_json() for label, row in rates.items()},
             }
             path = Path(self.config.report).expanduser()
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
+            write_report(path, report)
             print(f"written to {path}", flush=True)
         raise Finished(0)
 

@@ -19,7 +19,8 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
-from msrd_ros.nodes.common import COMMAND, LATCHED, StackNode, robot_parameter, run, steady_timer
+from msrd_ros.nodes.common import COMMAND, StackNode, robot_parameter, run, steady_timer
+from msrd_ros.nodes.latched import hear_latched
 from msrd_ros.nodes.messages import command_to_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.limits import JointReference
@@ -44,8 +45,10 @@ class ExecutorConfig:
         choices=("lockstep", "real_time"),
     )
     robot: str = robot_parameter()
-    accept_policy: bool = parameter(True, "Take policies from topic policy; set false on a real robot")
-    enabled: bool = parameter(True, "Move from the start; otherwise wait for ~/enable")
+    accept_policy: bool = parameter(
+        True, "Take policies from topic policy; set false on a real robot", live=True
+    )
+    enabled: bool = parameter(True, "Whether the arm moves; ~/enable sets it, too", live=True)
     ready_noise_rad: float = parameter(
         0.0, "Spread of the start posture around the ready pose", unit="rad", low=0.0, high=0.2
     )
@@ -57,7 +60,12 @@ class ExecutorConfig:
         0.001, "estimate_ball: standard deviation of the ball's samples", unit="m", low=0.0, high=0.1
     )
     stale_timeout_s: float = parameter(
-        0.15, "Older joint states or ball positions make the arm stop", unit="s", low=0.02, high=5.0
+        0.15,
+        "Older joint states or ball positions make the arm stop",
+        unit="s",
+        low=0.02,
+        high=5.0,
+        live=True,
     )
     tracking_tolerance_rad: float = parameter(
         TRACKING_TOLERANCE_RAD,
@@ -75,7 +83,6 @@ class Executor(StackNode):
 
     def __init__(self) -> None:
         super().__init__("executor", ExecutorConfig)
-        self._enabled = self.config.enabled
         self._player: StrokePlayer | None = None
         self._ball_filter: BallFilter | None = None
         self._robot = load_robot(self.config.robot)
@@ -100,9 +107,8 @@ class Executor(StackNode):
         self._command = self.create_publisher(JointTrajectory, "joint_command", COMMAND)
         lockstep = self.config.mode == "lockstep"
         self._inputs = TickInputs(self, self._robot, lockstep, self._act, self._send_again, self._refuse)
-        self.create_subscription(Header, "strategy", self._on_strategy, LATCHED)
-        if self.config.accept_policy:
-            self.create_subscription(UInt8MultiArray, "policy", self._on_policy, LATCHED)
+        hear_latched(self, Header, "strategy", self._on_strategy)
+        hear_latched(self, UInt8MultiArray, "policy", self._on_policy)
         self.create_service(SetBool, "~/enable", self._on_enable)
         self._started_s = time.monotonic()
         self._look = steady_timer(self, 0.1, self._look_for_another_executor)
@@ -115,6 +121,17 @@ class Executor(StackNode):
         """The phase of the stroke, and what is played."""
         phase = self._player.phase.value if self._player else "no joint_states yet"
         return phase, {"strategy": self._strategy or "", "policies": self._digest, **self._counts}
+
+    def waits_for(self) -> list[str]:
+        """What is missing until a stroke can be played."""
+        missing = self._inputs.missing
+        if not self.config.enabled:
+            missing.append("leave to move: call ~/enable, or set parameter enabled")
+        if self._policies is None and self._arriving is None:
+            missing.append("policies: start it with checkpoint:=FILE, or start a trainer")
+        if self._wanted is None:
+            missing.append("a strategy: publish one on topic strategy")
+        return missing
 
     # -- what comes in -------------------------------------------------------------------------
 
@@ -130,6 +147,8 @@ class Executor(StackNode):
     def _on_policy(self, message: UInt8MultiArray) -> None:
         data = bytes(message.data)
         try:
+            if not self.config.accept_policy:
+                raise UserError("topic policy: not taken; set parameter accept_policy if it may be")
             layout = message.layout.dim[0].label if message.layout.dim else ""
             if layout != "safetensors":
                 raise UserError(f"topic policy: layout.dim[0].label is {layout!r}, wanted is 'safetensors'")
@@ -140,9 +159,9 @@ class Executor(StackNode):
         self._arriving = policies
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._enabled = request.data
+        self.change("enabled", request.data)
         response.success = True
-        response.message = "moving" if request.data else "holding still"
+        response.message = "enabled" if request.data else "holding still"
         return response
 
     # -- what goes out -------------------------------------------------------------------------
@@ -160,7 +179,7 @@ class Executor(StackNode):
         player = self._follow(tick.joint_position)
         self._adopt(player)
         stale = tick.time_ns - tick.ball_stamp_ns > self.config.stale_timeout_s * NANOSECONDS
-        if not self._enabled or (stale and player.phase is Phase.STROKE):
+        if not self.config.enabled or (stale and player.phase is Phase.STROKE):
             self._counts["stops"] += 1
             return player.hold()
         try:

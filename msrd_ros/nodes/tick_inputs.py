@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,6 +16,9 @@ from msrd_ros.contract.translation import JointStateTranslator, read_ball_positi
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import STATE
 from msrd_ros.robots.robot import Robot
+
+SILENCE_S = 2.0
+"""Not heard for so long, a topic is waited for."""
 
 
 class TickInput(NamedTuple):
@@ -65,10 +69,22 @@ class TickInputs:
         self._ball: tuple[NDArray[np.float64], int] | None = None
         self._has_new_ball = False
         self._answered_ns = -1
+        self._joints_heard_s = self._ball_heard_s = -SILENCE_S
         self._last: TickInput | None = None
         # The ball first: within a tick it is sent first, and is then taken first.
         node.create_subscription(PointStamped, "ball/position", self._on_ball, STATE)
         node.create_subscription(JointState, "joint_states", self._on_joint_state, STATE)
+
+    @property
+    def missing(self) -> list[str]:
+        """What is not heard, or no more, and who sends it."""
+        found = []
+        long_ago_s = time.monotonic() - SILENCE_S
+        if self._joints_heard_s < long_ago_s:
+            found.append("joint_states: start a simulator or the robot's driver")
+        if self._ball_heard_s < long_ago_s:
+            found.append("ball/position: start a simulator or the camera")
+        return found
 
     def act_again(self) -> None:
         """Act on the last tick once more, if there was one."""
@@ -76,6 +92,7 @@ class TickInputs:
             self._act(self._last)
 
     def _on_ball(self, message: PointStamped) -> None:
+        self._ball_heard_s = time.monotonic()
         try:
             self._ball = read_ball_position(message), stamp_to_ns(message.header.stamp)
         except UserError as error:
@@ -84,6 +101,7 @@ class TickInputs:
         self._act_if_complete()
 
     def _on_joint_state(self, message: JointState) -> None:
+        self._joints_heard_s = time.monotonic()
         if stamp_to_ns(message.header.stamp) == self._answered_ns:
             # Asked again: the ball sample that came with it was the old one as well.
             self._has_new_ball = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -28,6 +29,9 @@ from msrd_ros.nodes.messages import (
 )
 from msrd_ros.table_tennis.strokes.rollouts import PolicySource, StrokeBatch
 
+PATIENCE_S = 5.0
+"""A stroke with all its ways takes less."""
+
 
 class TopicCollector:
     """A collector that publishes policies, strategies and feeds, and listens to what comes of them.
@@ -52,6 +56,7 @@ class TopicCollector:
         self._node, self._source = node, source
         self._spread, self._ready_noise_rad, self._timeout_s = spread, ready_noise_rad, timeout_s
         self._balls = 0
+        self._awaited, self._since_s = "", 0.0
         self._wanted: StrategyLabel | None = None
         self._digest = ""
         self._connected = False
@@ -106,8 +111,17 @@ class TopicCollector:
             played.append((assembler.assemble(), self._outcome))
         return played
 
+    @property
+    def awaited(self) -> str:
+        """What is waited for, for longer than an answer takes; empty if nothing is."""
+        late = self._awaited and time.monotonic() - self._since_s > PATIENCE_S
+        return f"rollouts: {self._awaited}; start simulator and executor" if late else ""
+
     def _wait(self, event: threading.Event, complaint: str) -> None:
-        if not event.wait(self._timeout_s):
+        self._awaited, self._since_s = complaint, time.monotonic()
+        answered = event.wait(self._timeout_s)
+        self._awaited = ""
+        if not answered:
             raise UserError(
                 f"{complaint} in {self._timeout_s:g} s; start simulator and executor (accept_policy:=true)"
             )
@@ -121,7 +135,10 @@ class TopicCollector:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for item in message.status:
             values = {pair.key: pair.value for pair in item.values}
-            if item.name == "executor" and values.get("policies") == self._digest and self._digest:
+            namespace = item.name.rpartition("/")[0] or "/"
+            if namespace != self._node.get_namespace() or not self._digest:
+                continue
+            if values.get("policies") == self._digest:
                 self._swapped.set()
 
     def _on_ball(self, message: PointStamped) -> None:

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from msrd_ros.core.discovery import stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parent import STARTED_BY
 from msrd_ros.stack.console import Console
@@ -33,7 +34,7 @@ def own_domain() -> dict[str, str]:
     """Environment of nodes that shall meet each other and nobody else; a ROS_DOMAIN_ID that is set stays."""
     environment = dict(os.environ)
     environment.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 102)))
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_machine(environment)
     environment.setdefault("HOME", str(Path.cwd()))
     return environment
 

@@ -104,6 +104,11 @@ class RunningProcess:
             return "".join(self._lines)
 
     @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    @property
     def running(self) -> bool:
         """Whether the process has not ended yet."""
         return self._process.poll() is None
@@ -129,11 +134,6 @@ class RunningProcess:
             raise AssertionError(f"still running after {timeout_s} s\n{self._report()}") from None
         self._reader.join(timeout_s)
         return code
-
-    @property
-    def pid(self) -> int:
-        """Number of the process."""
-        return self._process.pid
 
     def cpu_seconds(self) -> float:
         """Processor time that the process has used so far (Linux)."""

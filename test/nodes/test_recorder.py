@@ -319,7 +319,7 @@ def test_killed_in_mid_stroke_every_accepted_bag_is_whole(
 
 def test_a_recorder_alone_on_its_domain_says_so(launcher: Launcher, tmp_path: Path, domain_id: int) -> None:
     process = launcher.start("recorder", parameters={"directory": tmp_path})
-    process.wait_for_line(f"nobody publishes joint_states.* on domain {domain_id}; start the simulator")
+    process.wait_for_line(rf"waits for joint_states: start a simulator .*\(on domain {domain_id}\)")
     assert process.stop() == 0
 
 

@@ -7,7 +7,7 @@ same trajectories with and without topics.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -181,6 +181,11 @@ class World:
         self.rally.lead_hand(
             gesture.positions[0], gesture.quaternions[0], gesture.velocities[0], gesture.angular_velocities[0]
         )
+
+    def change_camera(self, config: CameraConfig) -> None:
+        """See the ball better or worse from now on, at the same rate of frames."""
+        self.config = replace(self.config, camera=config)
+        self._camera.config = config
 
     def set_teaching(self, teaching: bool) -> None:
         """Switch between zero-g, led by the hand, and following commands."""
