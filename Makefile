@@ -52,7 +52,7 @@ $(STAMP): setup.py $(CONSTRAINTS)
 	@touch $@
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with ROBOT; report in OUT
-	$(BIN)/python -m msrd_ros demo --out $(OUT) --robot $(ROBOT)
+	$(BIN)/python -m msrd_ros up demo 'out:=$(OUT)' 'robot:=$(ROBOT)'
 
 test: lint suite  ## Check style and types, run all tests
 

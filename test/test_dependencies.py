@@ -30,6 +30,7 @@ EXTRAS: dict[str, set[str]] = {
     "nodes": {"ros", "sim"},
     "stack": {"ros", "sim"},
     "demo": {"ros", "sim"},
+    "up": {"ros", "sim"},
     "studies": {"studies"},
 }
 """Extras beside the base installation, by room."""

@@ -85,7 +85,7 @@ class PlayerConfig:
         live=True,
     )
     loop: bool = parameter(False, "Begin again at the end", live=True)
-    clock: bool = parameter(True, "Publish /clock")
+    clock: bool = parameter(True, "Publish clock")
     wait_s: float = parameter(
         10.0,
         "How long to wait for subscribers of joint_states and ball/position",
@@ -111,7 +111,7 @@ class Player(StackNode):
         self._messages: deque[BagMessage] = deque()
         self._outputs: dict[str, Publisher | None] = {}
         self._last_sent: dict[str, bytes] = {}
-        self._clock_output = self.create_publisher(Clock, "/clock", COMMAND) if self.config.clock else None
+        self._clock_output = self.create_publisher(Clock, "clock", COMMAND) if self.config.clock else None
         self._clock_log_ns = -CLOCK_PERIOD_NS
         self._bag_log_ns = 0
         self._bag_begin_s = 0.0

@@ -182,7 +182,7 @@ class Simulator(StackNode):
         }
 
     def _open_topics(self) -> None:
-        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", COMMAND)
+        self._clock_publisher = self.create_publisher(ClockMessage, "clock", COMMAND)
         self._ball = self.create_publisher(PointStamped, "ball/position", STATE)
         self._joint_states = self.create_publisher(JointState, "joint_states", STATE)
         self._odometry = self.create_publisher(Odometry, "ball/odometry", STATE)
