@@ -11,6 +11,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, UInt8MultiArray
 from trajectory_msgs.msg import JointTrajectory
@@ -23,7 +24,7 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
 from msrd_ros.nodes.adaptive import hear
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, StackNode, referee_hears
+from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
 from msrd_ros.nodes.messages import (
     bytes_to_message,
     feed_to_message,
@@ -53,7 +54,7 @@ class TopicCollector:
     """
 
     def __init__(
-        self, node: StackNode, source: PolicySource, spread: str, ready_noise_rad: float, timeout_s: float
+        self, node: Node, source: PolicySource, spread: str, ready_noise_rad: float, timeout_s: float
     ) -> None:
         self._node, self._source = node, source
         self._spread, self._ready_noise_rad, self._timeout_s = spread, ready_noise_rad, timeout_s
@@ -135,7 +136,7 @@ class TopicCollector:
             try:
                 callback(message)
             except UserError as error:
-                self._node.complain(error)
+                self._node.get_logger().error(str(error))
 
         return take
 

@@ -52,7 +52,7 @@ class LiveExecutor:
         self._sequence = 0
         node._now_s = lambda: self.now_s
         node._output._publisher.publish = self.commands.append  # type: ignore[assignment, method-assign]
-        node.complain = lambda error: self.said.append(str(error))  # type: ignore[method-assign, assignment]
+        node.complain = lambda error: self.said.append(str(error))  # type: ignore[method-assign]
 
     @property
     def moves(self) -> bool:

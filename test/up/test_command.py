@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -96,15 +97,21 @@ def _runs(number: int) -> bool:
         return False
 
 
+def _keep_seconds(seconds: list[int], message: Clock) -> None:
+    seconds.append(message.clock.sec)
+
+
+def _has_ended(process: RunningProcess) -> bool:
+    return not process.running
+
+
 @pytest.mark.processes
 def test_two_stacks_play_side_by_side_each_with_its_clock(stack: Stack, tmp_path: Path) -> None:
     checkpoint = tmp_path / "policies.safetensors"
     checkpoint.write_bytes(made_up_policies([LABEL]).to_bytes())
     heard: dict[str, list[int]] = {"/left/clock": [], "/right/clock": []}
     for topic, stamps in heard.items():
-        stack.node.create_subscription(
-            Clock, topic, lambda message, to=stamps: to.append(message.clock.sec), QoSProfile(depth=100)
-        )
+        stack.node.create_subscription(Clock, topic, partial(_keep_seconds, stamps), QoSProfile(depth=100))
     both = {
         side: started(
             stack,
@@ -121,7 +128,7 @@ def test_two_stacks_play_side_by_side_each_with_its_clock(stack: Stack, tmp_path
     assert stack.node.count_publishers("/clock") == 0
     assert [stack.node.count_publishers(topic) for topic in heard] == [1, 1]
     for side, process in both.items():
-        stack.wait_until(lambda process=process: not process.running, f"end of the stack {side}", 200.0)
+        stack.wait_until(partial(_has_ended, process), f"end of the stack {side}", 200.0)
         assert process.wait() == 0, process.output
         process.wait_for_line(
             rf"^\[up\] play: starts simulator, executor, evaluator on domain {stack.domain_id} .*/{side}$"
