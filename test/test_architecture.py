@@ -80,6 +80,7 @@ ROOMS["reports"] = Room(_ALL_BELOW, ROS | BAGS)
 ROOMS["nodes"] = Room({*_ALL_BELOW, "recordings"}, DRAWING)
 ROOMS["stack"] = Room({*ROOMS["nodes"].below, "nodes"}, DRAWING)
 ROOMS["demo"] = Room({*_ALL_BELOW, "recordings", "reports", "stack"}, set())
+ROOMS["up"] = Room({"core", "robots", "stack", "demo"}, DRAWING)
 ROOMS["studies"] = Room({*_ALL_BELOW, "recordings", "reports", "stack"}, set())
 """From the ground up. Imports run downwards only."""
 

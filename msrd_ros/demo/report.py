@@ -285,10 +285,6 @@ def _write_how(report: Report, out: Path, metrics: dict[str, Any]) -> None:
         [[name, f"{value:.0f}"] for name, value in seconds.items()],
         f"Seed {metrics['seed']}, {metrics['iterations']} iterations. All figures are in metrics.json.",
     )
-    report.paragraph("Play it yourself, each line in a terminal of its own:")
+    report.paragraph("Play it yourself:")
     policies = out / "training" / "policies.safetensors"
-    report.code(
-        "python -m msrd_ros simulator --ros-args -p gui:=true -p mode:=real_time\n"
-        f"python -m msrd_ros executor --ros-args -p mode:=real_time -p checkpoint:={policies}\n"
-        "python -m msrd_ros evaluator --ros-args -p balls:=3"
-    )
+    report.code(f"python -m msrd_ros up play checkpoint:={policies} mode:=real_time gui:=true balls:=3")

@@ -21,6 +21,7 @@ from std_msgs.msg import UInt8MultiArray
 
 from msrd_ros.contract.interface import TOPICS
 from msrd_ros.contract.translation import stamp_to_ns
+from msrd_ros.core.discovery import DISCOVERY_RANGE, stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policy import read_header
 from msrd_ros.nodes.recorder_inputs import import_message_type
@@ -51,6 +52,7 @@ class Look:
     def __init__(self, domain: int | None, namespace: str) -> None:
         self._namespace = namespace
         self._context = Context()
+        stay_on_this_machine(os.environ)
         rclpy.init(args=[], context=self._context, domain_id=domain)
         # A name that begins with an underscore is not listed by tools.
         self._node = Node(f"_doctor_{os.getpid()}", context=self._context, start_parameter_services=False)
@@ -209,7 +211,7 @@ def discovery_range() -> str:
     """How far nodes look for each other, from the environment."""
     if os.environ.get("ROS_LOCALHOST_ONLY") == "1":
         return "LOCALHOST (ROS_LOCALHOST_ONLY)"
-    return os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET (the default)"
+    return os.environ.get(DISCOVERY_RANGE) or "LOCALHOST (our default)"
 
 
 def domains_in_use() -> tuple[int, ...]:
