@@ -16,7 +16,7 @@ from msrd_ros.robots.robot import Robot
 from msrd_ros.stack.looking import robot_of_policies
 from msrd_ros.stack.snapshot import Endpoint, Snapshot, namespace_of, role_of
 
-ONE_SOURCE = ("ball/position", "joint_command", "rally/outcome", "/clock", "joint_states")
+ONE_SOURCE = ("ball/position", "joint_command", "rally/outcome", "clock", "joint_states")
 NEEDED = ("joint_states", "ball/position", "joint_command")
 CLOCK_TOLERANCE_S = 1.0
 SLOWEST_HZ = 40.0
@@ -186,7 +186,7 @@ def _clock(snapshot: Snapshot) -> Iterator[Finding]:
     for topic in snapshot.topics:
         heard = snapshot.heard.get(topic)
         senders = snapshot.simulators(topic)
-        if role_of(topic) != "/clock" or heard is None or heard.stamps > 1 or not senders:
+        if role_of(topic) != "clock" or heard is None or heard.stamps > 1 or not senders:
             continue
         said = [snapshot.said[name].waits_for for name in senders if name in snapshot.said]
         reason = "; ".join(filter(None, said))

@@ -28,7 +28,7 @@ from msrd_ros.nodes.recorder_inputs import import_message_type
 from msrd_ros.robots.loading import DEFAULT_ROBOT
 from msrd_ros.stack.snapshot import Endpoint, Heard, Said, Snapshot, role_of
 
-LISTENED = ("joint_states", "ball/position", "joint_command", "rally/outcome", "/clock")
+LISTENED = ("joint_states", "ball/position", "joint_command", "rally/outcome", "clock")
 ASKED = ("robot", "mode", "checkpoint")
 GRAPH_SHARE = 0.4
 """Of the time: for finding who is there, before anything is subscribed to."""

@@ -112,7 +112,7 @@ class Snapshot:
         their recorder's.
         """
         heard = self.heard.get(topic)
-        if heard is None or not heard.stamp_ns or role_of(topic) == "/clock":
+        if heard is None or not heard.stamp_ns or role_of(topic) == "clock":
             return None
         own = f"{namespace_of(topic, role_of(topic)).rstrip('/')}/clock"
         clock = own if self.publishers(own) else "/clock"

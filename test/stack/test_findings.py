@@ -184,8 +184,8 @@ def test_a_fault_is_found_by_name_with_what_to_do(snapshot: Snapshot, what: str,
     [
         ("/joint_states", "joint_states", "/"),
         ("/a/b/ball/position", "ball/position", "/a/b"),
-        ("/clock", "/clock", "/"),
-        ("/left/clock", "/clock", "/left"),
+        ("/clock", "clock", "/"),
+        ("/left/clock", "clock", "/left"),
         ("/rosout", "", "/"),
     ],
 )
