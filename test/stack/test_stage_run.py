@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
@@ -65,7 +65,7 @@ class MadeUpStage:
 
     def _start(self, call: NodeCall) -> NodeProcess:
         self.processes[call.executable] = MadeUpProcess(call.executable, self.journal)
-        return cast(Any, self.processes[call.executable])
+        return cast(NodeProcess, self.processes[call.executable])
 
 
 def end(name: str, status: int) -> Callable[[MadeUpStage], None]:
