@@ -90,7 +90,7 @@ setup(
         "mcap>=1.2.1",
         "pyyaml>=6.0.1",
         "rosbags>=0.10.9",
-        "safetensors>=0.4.3",
+        "safetensors>=0.5.3",
         "torch>=2.3",
         "tqdm>=4.66",
         "zstandard>=0.22",
