@@ -26,7 +26,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test test-fast test-lowest coverage campaign soak docs lint format dist clean
+.PHONY: help venv demo test suite test-fast test-lowest coverage campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -54,7 +54,9 @@ $(STAMP): setup.py $(CONSTRAINTS)
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with ROBOT; report in OUT
 	$(BIN)/python -m msrd_ros up demo 'out:=$(OUT)' 'robot:=$(ROBOT)'
 
-test: lint  ## Check style and types, run all tests
+test: lint suite  ## Check style and types, run all tests
+
+suite: $(STAMP)
 	$(PYTEST) $(PYTEST_ARGS)
 
 docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
@@ -64,8 +66,7 @@ test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studie
 	$(PYTEST) -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
 
 test-lowest:  ## Run all tests at the lowest versions that setup.py allows, in an environment of their own
-	$(MAKE) VENV=$(LOWEST) CONSTRAINTS=constraints-lowest.txt venv
-	$(LOWEST)/bin/python -m pytest $(PYTEST_ARGS)
+	$(MAKE) VENV=$(LOWEST) CONSTRAINTS=constraints-lowest.txt suite
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
 	$(PYTEST) --cov --cov-report term:skip-covered $(PYTEST_ARGS)

@@ -43,7 +43,7 @@ def mutate_bytes(data: bytes, rng: Rng) -> bytes:
         return bytes(rng.integers(0, 256, 16, dtype=np.uint8))
     changed = bytearray(data)
     at = int(rng.integers(len(data)))
-    size = int(min(2 ** rng.integers(0, 12), len(data) - at))
+    size = min(2 ** int(rng.integers(12)), len(data) - at)
     match int(rng.integers(6)):
         case 0:
             for place in rng.integers(len(data), size=int(rng.integers(1, 9))):
@@ -80,7 +80,7 @@ def mutate_yaml(data: bytes, rng: Rng) -> bytes:
     if rng.random() < 0.2:
         del node[key]  # type: ignore[arg-type]
     else:
-        node[key] = _NASTY[int(rng.integers(len(_NASTY)))]  # type: ignore[index, call-overload]
+        node[key] = _NASTY[int(rng.integers(len(_NASTY)))]  # type: ignore[call-overload]
     return yaml.safe_dump(document).encode()
 
 

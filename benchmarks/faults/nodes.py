@@ -50,7 +50,7 @@ class Play:
     nodes: dict[str, RunningProcess] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        common = {
+        common: dict[str, dict[str, Any]] = {
             "simulator": {"seed": 1, "show": False},
             "executor": {"checkpoint": self.policies},
             "evaluator": {"labels": "[forehand-push]", "balls": 100_000, "timeout_s": 600.0},

@@ -11,9 +11,10 @@ from typing import Any
 import yaml
 
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX, read_mcap_facts, repair_command
-from msrd_ros.bags.metadata import METADATA_FILE, ROOT_KEY, split_name
+from msrd_ros.bags.metadata import FORMAT_KEY, METADATA_FILE, ROOT_KEY, STROKE_FORMAT, split_name
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import FIRST_FORMAT, require_format
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -178,6 +179,7 @@ def _read_described(path: Path) -> BagInfo:
 def _info(path: Path, custom: Mapping[str, str], **facts: Any) -> BagInfo:
     if not facts["message_count"]:
         raise UserError(f"bag {path}: holds no messages; record it again, or leave it out")
+    require_format(custom.get(FORMAT_KEY, FIRST_FORMAT), STROKE_FORMAT, f"bag {path}")
     return BagInfo(
         path=path,
         label=_stated_label(path, custom),

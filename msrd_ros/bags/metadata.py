@@ -16,6 +16,9 @@ from msrd_ros.core.errors import UserError
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
 VERSION = 9
+FORMAT_KEY = "msrd_ros_format"
+STROKE_FORMAT = 1
+"""What a stroke's bag says of itself in `custom_data`; one that says nothing is of the first, or foreign."""
 ROS_DISTRO = "jazzy"
 
 _LAYOUT = re.compile(r"(?P<label>[^_]+)_(?P<number>\d{3,})")

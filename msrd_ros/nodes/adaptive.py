@@ -8,6 +8,10 @@ from typing import Any, NamedTuple
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from msrd_ros.nodes.common import steady_timer
+
+ADAPT_PERIOD_S = 0.25
+
 
 class Received(NamedTuple):
     """A message as the middleware handed it over.
@@ -139,3 +143,14 @@ class AdaptiveSubscription:
         lost = self._counter.add(sequence) if sequence and self.publishers <= 1 else 0
         received_ns = info["received_timestamp"] or info["source_timestamp"]
         self._callback(Received(message, received_ns, info["source_timestamp"], sequence, lost))
+
+
+def hear(
+    node: Node, message_type: Any, topic: str, callback: Callable[[Any], None], profile: QoSProfile
+) -> AdaptiveSubscription:
+    """Subscribe for as long as the node lives, whatever is offered; `callback` takes the messages."""
+    subscription = AdaptiveSubscription(
+        node, message_type, topic, profile, lambda received: callback(received.message)
+    )
+    steady_timer(node, ADAPT_PERIOD_S, subscription.adapt)
+    return subscription

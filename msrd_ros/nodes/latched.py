@@ -8,10 +8,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
+from msrd_ros.nodes.adaptive import ADAPT_PERIOD_S, AdaptiveSubscription, Received
 from msrd_ros.nodes.common import steady_timer
-
-ADAPT_PERIOD_S = 0.25
 
 
 class LatchedSubscription:

@@ -35,6 +35,7 @@ from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.nodes.common import COMMAND, Finished, StackNode, run, steady_timer
 from msrd_ros.nodes.recorder_inputs import LATCHED, MOST_LATCHED, STREAMED, import_message_type
+from msrd_ros.nodes.speakers import LiveArm
 from msrd_ros.recordings.library import BagLibrary
 
 TICK_S = 0.001
@@ -123,6 +124,7 @@ class Player(StackNode):
         self._failed_bags = 0
         self._sent = 0
         self._state = State.WAITING
+        self._live_arm = LiveArm(self)
         for role in (*LATCHED, *STREAMED):
             self._publisher(role, CONTRACT[role].type_name)
         self.on_change(self._count_time_anew, "rate")
@@ -227,6 +229,7 @@ class Player(StackNode):
         self._ticked_s = now_s
 
     def _wait_for_subscribers(self, now_s: float) -> None:
+        self._live_arm.refuse()
         waited_s = now_s - self._since_s
         missing = [role for role in STREAMED if not self._subscribers(role)]
         needed = [role for role in missing if role in (JOINT_STATES, BALL_POSITION)]
@@ -243,6 +246,7 @@ class Player(StackNode):
         if self._first_sent_s == 0.0:
             self._first_sent_s = now_s + (0.0 if needed else self.config.start_delay_s)
         if now_s >= self._first_sent_s:
+            self._live_arm.close()
             self._state = State.PLAYING
 
     def _play(self, now_s: float) -> None:

@@ -44,6 +44,7 @@ from msrd_ros.nodes.messages import (
     outcome_to_message,
 )
 from msrd_ros.nodes.scene_markers import scene_markers
+from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
@@ -87,7 +88,11 @@ class SimulatorConfig:
         250.0, "Joint states and ball in real time", unit="Hz", low=10.0, high=1000.0, live=True
     )
     command_timeout_s: float = parameter(
-        0.1, "In real time: without a command for so long the arm stops", unit="s", low=0.02, high=5.0
+        0.1,
+        "In real time: without a command for so long the arm stops, and no ball is launched",
+        unit="s",
+        low=0.02,
+        high=5.0,
     )
     mass_scale: float = parameter(1.0, "Factor on the arm's masses", low=0.5, high=2.0)
     joint_friction_nm: float = parameter(0.0, "Dry friction of every joint", unit="Nm", low=0.0, high=10.0)
@@ -112,6 +117,7 @@ class Simulator(StackNode):
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
         self._paused = False
+        self._is_commanded = False
         self._tick_ns = 0
         self._asked_s = 0.0
         self._answered_s = -SILENCE_S
@@ -122,9 +128,12 @@ class Simulator(StackNode):
         self._open_services()
         self._frames = FramePublisher(self, self._robot)
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
+        remedy = "stop it first, or start this simulator in a namespace or domain of its own"
+        self._alone = SoleSpeaker(self, "rally/outcome", "decides rallies on", remedy)
         if config.mode == "lockstep":
             steady_timer(self, ASK_AGAIN_S / 2, self._ask_again)
-            self._tick()
+            if not self._alone.is_doubtful:
+                self._tick()
         else:
             self._real_time_s = time.monotonic()
             self._clockwork = steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
@@ -202,10 +211,14 @@ class Simulator(StackNode):
         self._publish_tick()
 
     def _ask_again(self) -> None:
-        if not self._paused and time.monotonic() - self._asked_s > ASK_AGAIN_S:
-            self._counts["asked_again"] += 1
-            self._asked_s = time.monotonic()
-            self._publish_tick()
+        if self._paused or self._alone.is_doubtful or time.monotonic() - self._asked_s < ASK_AGAIN_S:
+            return
+        if not self._counts["ticks"]:
+            self._tick()
+            return
+        self._counts["asked_again"] += 1
+        self._asked_s = time.monotonic()
+        self._publish_tick()
 
     def _advance(self, period_s: float) -> None:
         """Let the world go on for one period and publish the next tick."""
@@ -216,13 +229,23 @@ class Simulator(StackNode):
     def _follow_wall_clock(self) -> None:
         now_s = time.monotonic()
         behind_s = now_s - self._real_time_s
-        if self._paused or behind_s < 0.001:
-            self._real_time_s = now_s if self._paused else self._real_time_s
+        if self._paused or self._alone.is_doubtful or behind_s < 0.001:
+            self._real_time_s = self._real_time_s if behind_s < 0.001 else now_s
             return
+        self._miss_commands(now_s)
         # After a long stall the world does not rush to catch up.
         period_s = min(round(behind_s, 3), 0.05)
         self._real_time_s = now_s if behind_s > 0.05 else self._real_time_s + period_s
         self._advance(period_s)
+
+    def _miss_commands(self, now_s: float) -> None:
+        """Have the arm stop, and launch no ball, once commands stay away."""
+        if self._is_commanded and now_s - self._answered_s > self.config.command_timeout_s:
+            self._is_commanded = False
+            self._world.miss_commands()
+            self.complain(
+                UserError(f"no joint_command in {self.config.command_timeout_s:g} s; the arm comes to rest")
+            )
 
     def _publish_results(self) -> None:
         while self._world.results:
@@ -255,6 +278,7 @@ class Simulator(StackNode):
             self._refuse(error)
             return
         self._answered_s = time.monotonic()
+        self._is_commanded = True
         self._world.command(command.position, command.velocity, command.period_s, command.label)
         if self.config.mode == "lockstep":
             self._advance(command.period_s)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,6 +23,7 @@ from msrd_ros.contract.translation import EpisodeAssembler, read_outcome, stamp_
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
+from msrd_ros.nodes.adaptive import hear
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
 from msrd_ros.nodes.messages import (
     bytes_to_message,
@@ -69,11 +72,11 @@ class TopicCollector:
         self._policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._strategy = node.create_publisher(Header, "strategy", LATCHED)
         self._feed = node.create_publisher(Odometry, "feed", EVENT)
-        node.create_subscription(PointStamped, "ball/position", self._on_ball, STATE)
-        node.create_subscription(JointState, "joint_states", self._on_joint_state, STATE)
-        node.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
-        node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        hear(node, PointStamped, "ball/position", self._or_complain(self._on_ball), STATE)
+        hear(node, JointState, "joint_states", self._or_complain(self._on_joint_state), STATE)
+        hear(node, JointTrajectory, "joint_command", self._on_command, COMMAND)
+        hear(node, DiagnosticArray, "rally/outcome", self._or_complain(self._on_outcome), EVENT)
+        hear(node, DiagnosticArray, "/diagnostics", self._on_diagnostics, EVENT)
 
     def collect(self, policies: Policies, episodes: int, rng: np.random.Generator) -> Rollouts:
         """Play `episodes` strokes of every strategy.
@@ -125,6 +128,17 @@ class TopicCollector:
             raise UserError(
                 f"{complaint} in {self._timeout_s:g} s; start simulator and executor (accept_policy:=true)"
             )
+
+    def _or_complain(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A message that cannot be used is named and passed over; training goes on."""
+
+        def take(message: Any) -> None:
+            try:
+                callback(message)
+            except UserError as error:
+                self._node.get_logger().error(str(error))
+
+        return take
 
     def _on_command(self, message: JointTrajectory) -> None:
         if message.header.frame_id == str(self._wanted):

@@ -20,7 +20,7 @@ from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
-from msrd_ros.learning.harness import Harness, Schedule
+from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Harness, Schedule
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.nodes.common import (
     EVENT,
@@ -85,6 +85,7 @@ class TrainerConfig:
     )
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
+    overwrite: bool = parameter(False, "Begin anew in an `out` that holds a run, whose results are lost")
     method: str = parameter("msrd", "Learning method", choices=tuple(METHODS))
     iterations: int = parameter(
         StrokeTrainingConfig.iterations,
@@ -156,7 +157,7 @@ class Trainer(StackNode):
         super().__init__("trainer", TrainerConfig)
         config = self.config
         self._robot = load_robot(config.robot)
-        self._out = _prepare_out(Path(config.out).expanduser())
+        self._out = _prepare_out(Path(config.out).expanduser(), config.resume or config.overwrite)
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
         self._strategies = Strategies.load(config.strategies)
         self._episodes: list[Episode] = []
@@ -384,7 +385,13 @@ class Trainer(StackNode):
         return response
 
 
-def _prepare_out(out: Path) -> Path:
+def _prepare_out(out: Path, may_hold_run: bool) -> Path:
+    held = [name for name in (POLICIES_FILE, CHECKPOINT_FILE, RESULT_FILE) if (out / name).exists()]
+    if held and not may_hold_run:
+        raise UserError(
+            f"parameter out of trainer: {out} holds a run already ({', '.join(held)}); give another folder, "
+            f"resume:=true to go on with it, or overwrite:=true to lose it"
+        )
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from msrd_ros.bags.devices import ArmMessages
 from msrd_ros.bags.info import BagInfo
@@ -45,10 +45,17 @@ class BagReading:
     notes: tuple[str, ...] = ()
 
 
-def read_bag(bag: Bag, robot: Robot | None = None) -> BagReading:
+def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = True) -> BagReading:
     """Inspect the strokes of a bag of an arm (the default one if None), and read those that are accepted.
 
     A longer recording, as `ros2 bag record` makes it, is cut at its outcomes.
+
+    Parameters
+    ----------
+    bag, robot
+        What is read, and whose joints.
+    demonstrations_only
+        Refuse a bag of one stroke whose ball was not returned, or that its recorder refused.
 
     Raises
     ------
@@ -63,7 +70,9 @@ def read_bag(bag: Bag, robot: Robot | None = None) -> BagReading:
     is_arms = ArmMessages(arm)
     messages = [message._replace(topic=bag.role(message.topic)) for message in original]
     strokes = _strokes(bag, original, messages, is_arms)
-    if not info.kept:
+    if not demonstrations_only and len(strokes) == 1:
+        strokes = [replace(stroke, outcome=None) for stroke in strokes]
+    elif not info.kept:
         return BagReading(info, refused=(f"its recorder refused it: {info.custom_data.get('reason', '?')}",))
     origin = Origin(info.subject, source, original[0].log_time_ns if original else 0)
     limits = InspectionLimits.of(info.custom_data)
@@ -108,13 +117,15 @@ def read_bags(
 def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
     """The accepted strokes of a bag as arrays, of an arm (the default one if None).
 
+    A bag of one stroke may be of a ball that was not returned: it is no demonstration, but can be looked at.
+
     Raises
     ------
     UserError
         If the bag cannot be read, is of another robot, or none of its strokes is accepted; names the bag and
         says why.
     """
-    reading = read_bag(bag, robot)
+    reading = read_bag(bag, robot, demonstrations_only=False)
     if not reading.episodes:
         raise UserError(f"bag {bag.info.path}: {'; '.join(reading.refused)}")
     return list(reading.episodes)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from msrd_ros.bags.metadata import FORMAT_KEY, STROKE_FORMAT
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.static_transforms import static_transforms_from_urdf
 from msrd_ros.bags.strokes import Stroke
@@ -116,6 +117,7 @@ class StrokeStore:
         custom_data = {
             "outcome": stroke.outcome or "",
             "version": self._written_by,
+            FORMAT_KEY: str(STROKE_FORMAT),
             ROBOT_KEY: self._robot.identity,
             "ball_id": stroke.ball_id,
             "kept": "true" if verdict.accepted else "false",

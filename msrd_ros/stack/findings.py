@@ -111,7 +111,9 @@ def _qualities(snapshot: Snapshot) -> Iterator[Finding]:
 def _clash(sender: Endpoint, listener: Endpoint) -> str:
     compatibility, reason = qos_check_compatible(sender.qos, listener.qos)
     return (
-        (reason.strip().rstrip(";") or "qualities differ") if compatibility == QoSCompatibility.ERROR else ""
+        (reason.removeprefix("ERROR: ").strip().rstrip(";") or "qualities differ")
+        if compatibility == QoSCompatibility.ERROR
+        else ""
     )
 
 
@@ -123,7 +125,7 @@ def _sources(snapshot: Snapshot) -> Iterator[Finding]:
         heard = snapshot.heard.get(topic)
         if role == "joint_states" and heard is not None and _share_joints(heard.names):
             continue  # an arm and its gripper
-        names = Counter(end.node for end in sources)
+        names = Counter(sorted(end.node for end in sources))
         told = ", ".join(f"{name} ({count} times)" if count > 1 else name for name, count in names.items())
         yield Finding(f"{topic} has {len(sources)} sources: {told}", "stop all but one of them")
 

@@ -11,6 +11,7 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -20,6 +21,7 @@ from std_msgs.msg import UInt8MultiArray
 
 from msrd_ros.contract.interface import TOPICS
 from msrd_ros.contract.translation import stamp_to_ns
+from msrd_ros.core.discovery import DISCOVERY_RANGE, stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policy import read_header
 from msrd_ros.nodes.recorder_inputs import import_message_type
@@ -30,6 +32,7 @@ LISTENED = ("joint_states", "ball/position", "joint_command", "rally/outcome", "
 ASKED = ("robot", "mode", "checkpoint")
 GRAPH_SHARE = 0.4
 """Of the time: for finding who is there, before anything is subscribed to."""
+ASK_PERIOD_S = 0.1
 DEPTH = 1000
 
 
@@ -47,6 +50,7 @@ class Look:
     def __init__(self, domain: int | None, namespace: str) -> None:
         self._namespace = namespace
         self._context = Context()
+        stay_on_this_machine(os.environ)
         rclpy.init(args=[], context=self._context, domain_id=domain)
         # A name that begins with an underscore is not listed by tools.
         self._node = Node(f"_doctor_{os.getpid()}", context=self._context, start_parameter_services=False)
@@ -116,16 +120,22 @@ class Look:
     # -- what is asked and heard ---------------------------------------------------------------
 
     def _ask(self, nodes: list[str]) -> None:
-        for name in nodes:
-            self._parameters[name] = {}
-            client = self._node.create_client(GetParameters, f"{name}/get_parameters")
-            for parameter in ASKED:
-                future = client.call_async(GetParameters.Request(names=[parameter]))
-                future.add_done_callback(
-                    lambda done, name=name, parameter=parameter: self._take_parameter(
-                        name, parameter, done.result()
-                    )
-                )
+        clients = {name: self._node.create_client(GetParameters, f"{name}/get_parameters") for name in nodes}
+        self._parameters = {name: {} for name in nodes}
+
+        def call_who_is_ready() -> None:
+            # A request to a service that is not yet matched would be lost.
+            for name in [name for name, client in clients.items() if client.service_is_ready()]:
+                self._call(name, clients.pop(name))
+
+        self._node.create_timer(ASK_PERIOD_S, call_who_is_ready)
+
+    def _call(self, node: str, client: Client) -> None:
+        for parameter in ASKED:
+            future = client.call_async(GetParameters.Request(names=[parameter]))
+            future.add_done_callback(
+                lambda done, parameter=parameter: self._take_parameter(node, parameter, done.result())
+            )
 
     def _take_parameter(self, node: str, parameter: str, answer: Any) -> None:
         for value in answer.values:
@@ -186,7 +196,7 @@ def discovery_range() -> str:
     """How far nodes look for each other, from the environment."""
     if os.environ.get("ROS_LOCALHOST_ONLY") == "1":
         return "LOCALHOST (ROS_LOCALHOST_ONLY)"
-    return os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET (the default)"
+    return os.environ.get(DISCOVERY_RANGE) or "LOCALHOST (our default)"
 
 
 def domains_in_use() -> tuple[int, ...]:

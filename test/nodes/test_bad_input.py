@@ -191,6 +191,18 @@ def test_nothing_to_go_on_from_is_said(capfd: pytest.CaptureFixture[str], tmp_pa
     assert str(tmp_path / "checkpoint.safetensors") in line
 
 
+def test_a_run_is_not_lost_by_a_repeated_command(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    held = tmp_path / "policies.safetensors"
+    held.write_bytes(b"work")
+    line = error_line(capfd, "trainer", f"out:={tmp_path}")
+    assert f"parameter out of trainer: {tmp_path} holds a run already (policies.safetensors)" in line
+    assert "resume:=true to go on with it, or overwrite:=true to lose it" in line
+    assert held.read_bytes() == b"work"
+    # Asked for, it goes on to what is wrong next.
+    line = error_line(capfd, "trainer", f"out:={tmp_path}", "overwrite:=true", f"bags:={tmp_path / 'gone'}")
+    assert "does not exist" in line
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [

@@ -173,6 +173,10 @@ class World:
         self._served = label
         self.rally.command(position, velocity, period_s)
 
+    def miss_commands(self) -> None:
+        """Launch no ball until the arm is commanded again; without commands it comes to rest by itself."""
+        self._served = None
+
     def lead_hand(self, gesture: HandGesture) -> None:
         """Say where the teacher's hand leads the paddle: a gesture that starts now, or one streamed point."""
         if len(gesture.times_s) > 1:
