@@ -89,7 +89,7 @@ setup(
         "lz4>=4.3.2",
         "mcap>=1.2.1",
         "pyyaml>=6.0.1",
-        "rosbags>=0.10.4",
+        "rosbags>=0.10.9",
         "safetensors>=0.4.3",
         "torch>=2.3",
         "tqdm>=4.66",

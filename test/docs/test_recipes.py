@@ -26,8 +26,7 @@ def test_the_controllers_move_all_joints_of_the_arm_and_take_the_executors_comma
     arm = nodes["arm_controller"]["ros__parameters"]
     assert tuple(arm["joints"]) == default_robot().joint_names
     assert {"position", "velocity"} <= set(arm["state_interfaces"])
-    assert arm["allow_nonzero_velocity_at_trajectory_end"]
-    assert arm["cmd_timeout"] > arm["constraints"]["goal_time"] > 0.0
+    assert arm["interpolate_from_desired_state"]
     assert set(nodes["controller_manager"]["ros__parameters"]) - {"update_rate"} == set(nodes) - {
         "controller_manager"
     }
