@@ -34,7 +34,7 @@ TESTED_BY = {
         "nodes/test_trainer.py::test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor"
     ),
     r"ros2 run msrd_ros executor\b": (
-        "nodes/test_executor.py::test_in_real_time_stale_inputs_bring_the_arm_to_rest"
+        "nodes/test_executor.py::test_in_real_time_the_arm_comes_to_rest_when_joint_states_fall_silent"
     ),
     r"ros2 run msrd_ros evaluator\b": (
         "nodes/test_evaluator.py::test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named"

@@ -116,7 +116,7 @@ def test_two_stacks_play_side_by_side_each_with_its_clock(stack: Stack, tmp_path
         )
         for side in ("left", "right")
     }
-    stack.wait_until(lambda: all(heard.values()), "ticks of both clocks", END_S)
+    stack.wait_until(lambda: all(heard.values()), "ticks of both clocks", END_S, both["right"])
     assert stack.node.count_publishers("/clock") == 0
     assert [stack.node.count_publishers(topic) for topic in heard] == [1, 1]
     for side, process in both.items():
