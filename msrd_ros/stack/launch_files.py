@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from launch import LaunchDescription  # type: ignore[attr-defined] # mypy takes the folder launch/ for it
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
