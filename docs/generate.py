@@ -42,20 +42,14 @@ def parameters() -> str:
     """One table of parameters for each node."""
     parts = []
     for node in NODES:
-        parts += [
-            f"## {node}",
-            "",
-            "| parameter | default | range | set | meaning |",
-            "|---|---|---|---|---|",
-        ]
+        parts += [f"## {node}", "", "| parameter | default | range | meaning |", "|---|---|---|---|"]
         defaults = config_type(node)()
         for field in dataclasses.fields(defaults):
             facts: ParameterFacts = field.metadata["parameter"]
             default = json.dumps(getattr(defaults, field.name))
             unit = f" [{facts.unit}]" if facts.unit else ""
             meaning = re.sub(r"([|<*_])", r"\\\1", f"{facts.description.rstrip('.')}{unit}")
-            when = "live" if facts.live else "at start"
-            parts.append(f"| `{field.name}` | `{default}` | {_range(facts)} | {when} | {meaning} |")
+            parts.append(f"| `{field.name}` | `{default}` | {_range(facts)} | {meaning} |")
         parts.append("")
     return "\n".join(parts)
 
@@ -71,8 +65,7 @@ def _range(facts: ParameterFacts) -> str:
 def arrows() -> dict[str, set[str]]:
     """Rooms that each room's files import, from the import statements themselves."""
     found: dict[str, set[str]] = {}
-    # A room's command line stands above the rooms.
-    for path in sorted(path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py"):
+    for path in sorted(PACKAGE.rglob("*.py")):
         own = _room(".".join(path.relative_to(ROOT).with_suffix("").parts))
         if own is None:
             continue

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rosbags.rosbag2 import Reader
+import zstandard
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.stream_reader import CRCValidationError
+from rosbags.rosbag2 import Reader, ReaderError
 
 from msrd_ros.bags.cdr import read_frame_id
-from msrd_ros.bags.info import BagInfo, read_info
-from msrd_ros.bags.lone_mcap import read_mcap_messages, repair_command
+from msrd_ros.bags.metadata import REPAIR_COMMAND, BagInfo, read_info
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import (
@@ -21,9 +25,21 @@ from msrd_ros.contract.topics import (
     STRATEGY,
     BagMessage,
     find_topics,
-    say_topic,
 )
 from msrd_ros.core.errors import UserError
+
+_BROKEN = (
+    McapError,
+    CRCValidationError,
+    ReaderError,
+    zstandard.ZstdError,
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    struct.error,
+)
+"""What the storage readers raise when a file is cut off or damaged."""
 
 _NEEDED = (JOINT_STATES, BALL_POSITION)
 _LABELLED = (STRATEGY, OUTCOME)
@@ -54,7 +70,7 @@ class Bag:
     Parameters
     ----------
     path
-        The bag's directory, or an MCAP file.
+        The bag's directory.
     names
         Full topic name in the bag by relative name, where it is neither at the root nor unmistakable.
 
@@ -72,7 +88,8 @@ class Bag:
         if missing:
             raise UserError(
                 f"bag {path}: has no topic {' and no '.join(missing)} (it has "
-                f"{', '.join(sorted(self.info.types)) or 'none'}); record it, or {say_topic(missing[0])}"
+                f"{', '.join(sorted(self.info.types)) or 'none'}); record it, or say what it is called here "
+                f"with {missing[0]}:=NAME"
             )
 
     def raw(self) -> list[BagMessage]:
@@ -86,7 +103,7 @@ class Bag:
         where = f"bag {self.info.path}"
         try:
             messages = list(_read_storage(self.info))
-        except Exception as error:  # a damaged file makes the storage readers stumble in many ways
+        except _BROKEN as error:
             reason = (str(error).splitlines() or [""])[0]
             raise UserError(
                 f"{where}: is cut off or damaged ({type(error).__name__}: {reason}); {self._how_to_mend()}"
@@ -101,7 +118,7 @@ class Bag:
 
     def _how_to_mend(self) -> str:
         if self.info.storage == "mcap" and not self.info.packed:
-            return f"recover what is there with: {repair_command(self.info.path)}"
+            return f"recover what is there with: {REPAIR_COMMAND} {self.info.path}"
         return "copy it again or leave it out"
 
     def entries(self) -> Iterator[BagEntry]:
@@ -171,8 +188,8 @@ def _read_storage(info: BagInfo) -> Iterator[BagMessage]:
     if info.storage == "mcap" and not info.packed:
         # mcap's reader also knows send times and sequence numbers, checks sums, and opens faster.
         for name in info.files:
-            with (info.folder / name).open("rb") as stream:
-                for _, channel, message in read_mcap_messages(stream):
+            with (info.path / name).open("rb") as stream:
+                for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
                     yield BagMessage(
                         channel.topic, message.data, message.log_time, message.publish_time, message.sequence
                     )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from msrd_ros.bags.finding import find_bags
-from msrd_ros.bags.info import BagInfo, read_info
-from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
+from msrd_ros.bags.metadata import METADATA_FILE, BagInfo, read_info
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
+
+_STORAGE_SUFFIXES = (".mcap", ".db3")
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,12 @@ class BagLibrary:
 
     @classmethod
     def scan(cls, *roots: Path | str, strict: bool = False) -> BagLibrary:
-        """Find the bags of folders; a folder may itself be a bag, or an MCAP file. Each bag counts once.
+        """Find the bags of folders; a folder may itself be a bag.
 
         Parameters
         ----------
         roots
-            Where to look; hidden directories are passed over, links followed.
+            Where to look; hidden directories are passed over.
         strict
             Refuse a folder with one broken bag, instead of listing it in `refused`.
 
@@ -46,23 +47,19 @@ class BagLibrary:
         """
         bags: list[BagInfo] = []
         refused: list[str] = []
-        seen: set[str] = set()
         for root in map(Path, roots):
-            if not root.is_dir() and not (root.is_file() and root.suffix == MCAP_SUFFIX):
+            if not root.is_dir():
                 state = "is a file" if root.exists() else "does not exist"
-                raise UserError(
-                    f"folder {root}: {state}; give a folder of bags, a bag's directory or an MCAP file"
-                )
-            known = len(seen)
-            found = find_bags(root, seen)
-            for path in found:
+                raise UserError(f"folder {root}: {state}; give a folder of bags or a bag's directory")
+            before = len(bags) + len(refused)
+            for path in _find(root):
                 try:
                     bags.append(read_info(path))
                 except UserError as error:
                     if strict:
                         raise
                     refused.append(str(error))
-            if not found and (not known or len(seen) > known):
+            if len(bags) + len(refused) == before:
                 raise UserError(
                     f"folder {root}: holds no bags; record some with the recorder, or give another folder"
                 )
@@ -109,3 +106,12 @@ class BagLibrary:
             f"there are {len(self.bags)} bags with labels {', '.join(labels) or 'none'} "
             f"and subjects {', '.join(subjects) or 'none'}{refused}"
         )
+
+
+def _find(root: Path) -> Iterator[Path]:
+    """Directories that are bags, or what is left of one."""
+    for folder, subfolders, files in os.walk(root, followlinks=True):
+        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+        if METADATA_FILE in files or any(name.endswith(_STORAGE_SUFFIXES) for name in files):
+            subfolders.clear()
+            yield Path(folder)

@@ -89,11 +89,11 @@ class Stack:
 
     def trigger(self, service: str) -> Trigger.Response:
         """Call a std_srvs/Trigger."""
-        return self.call(Trigger, service, Trigger.Request())
+        return self._call(Trigger, service, Trigger.Request())
 
     def set(self, service: str, on: bool) -> SetBool.Response:
         """Call a std_srvs/SetBool."""
-        return self.call(SetBool, service, SetBool.Request(data=on))
+        return self._call(SetBool, service, SetBool.Request(data=on))
 
     def diagnosed(self, name: str) -> dict[str, str]:
         """What a node says of itself from now on, in /diagnostics."""
@@ -101,8 +101,7 @@ class Stack:
         self.wait_until(lambda: self._said_ns.get(name, 0) > asked_ns, f"diagnostics of {name}")
         return self.diagnostics[name]
 
-    def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service of any type."""
+    def _call(self, kind: Any, service: str, request: Any) -> Any:
         client = self.node.create_client(kind, service)
         self.wait_until(client.service_is_ready, service, START_TIMEOUT_S)
         future = client.call_async(request)
@@ -112,10 +111,9 @@ class Stack:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            name = status.name.removeprefix("/")
-            self._said_ns[name] = stamp_to_ns(message.header.stamp)
+            self._said_ns[status.name] = stamp_to_ns(message.header.stamp)
             values = {item.key: item.value for item in status.values}
-            self.diagnostics[name] = {**values, "message": status.message}
+            self.diagnostics[status.name] = {**values, "message": status.message}
 
 
 def one_line(process: RunningProcess, name: str, code: int = 2, timeout_s: float = START_TIMEOUT_S) -> str:

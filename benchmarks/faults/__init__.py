@@ -1,1 +1,0 @@
-"""A campaign of faults against the stack; `python benchmarks/campaign.py --help`."""
