@@ -5,13 +5,17 @@ PYTHON ?= $(shell for python in python3 python3.12 python3.11; do \
 	$$python -c $(SUPPORTED) 2>/dev/null && echo $$python && break; done)
 PIP_ARGS ?=
 VENV ?= .venv
+CONSTRAINTS ?= constraints.txt
 OUT ?= out/demo
 ROBOT ?= sawyer
 PYTEST_ARGS ?=
+WORKERS ?= 2
 
 SUPPORTED := 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))'
 BIN := $(VENV)/bin
+PYTEST = $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadgroup
 STAMP := $(VENV)/.complete
+LOWEST := .venv-lowest
 
 # A sourced ROS installation or another environment would mix its libraries with this one's.
 unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
@@ -22,7 +26,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test test-fast coverage docs lint format dist clean
+.PHONY: help venv demo test suite test-fast test-lowest coverage campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -34,32 +38,44 @@ help:  ## Say what there is
 	@echo "  ROBOT=...     which arm the demo plays: a name of config/robots or a folder; $(ROBOT) now"
 	@echo "  OUT=...       where the demo writes; $(OUT) now"
 	@echo "  PYTEST_ARGS=... more arguments for pytest, such as -k simulator"
+	@echo "  WORKERS=...   how many tests run side by side; those that start nodes go one by one; $(WORKERS) now"
 
 venv: $(STAMP)  ## Set up the environment
 
-$(STAMP): setup.py constraints.txt
+$(STAMP): setup.py $(CONSTRAINTS)
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 or 3.12 on the PATH: install one, or give PYTHON=/path/to/python3.12" >&2; exit 2; }
 	@$(PYTHON) -c $(SUPPORTED) || { echo "make: Python 3.11 or 3.12 is needed, and $(PYTHON) is $$($(PYTHON) --version 2>&1): give PYTHON=/path/to/python3.12" >&2; exit 2; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) || { echo "make: $(PYTHON) cannot make environments: install its venv module (Debian, Ubuntu: python3-venv)" >&2; exit 2; }
 	@echo '*' > $(VENV)/.gitignore
 	@echo "Installing into $(VENV): one or two minutes; on Python 3.12 more, where pybullet compiles"
-	$(BIN)/python -m pip install --disable-pip-version-check --constraint constraints.txt $(PIP_ARGS) --editable '.[all,test,docs]'
+	$(BIN)/python -m pip install --disable-pip-version-check --constraint $(CONSTRAINTS) $(PIP_ARGS) --editable '.[all,test,docs]'
 	@touch $@
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with ROBOT; report in OUT
-	$(BIN)/python -m msrd_ros demo --out $(OUT) --robot $(ROBOT)
+	$(BIN)/python -m msrd_ros up demo 'out:=$(OUT)' 'robot:=$(ROBOT)'
 
-test: lint  ## Check style and types, run all tests
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+test: lint suite  ## Check style and types, run all tests
+
+suite: $(STAMP)
+	$(PYTEST) $(PYTEST_ARGS)
 
 docs: $(STAMP)  ## Build the site into docs/_build/html; a warning is an error
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studies, no builds
-	$(BIN)/python -m pytest -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
+	$(PYTEST) -m "not processes and not slow" --timeout 60 $(PYTEST_ARGS)
+
+test-lowest:  ## Run all tests at the lowest versions that setup.py allows, in an environment of their own
+	$(MAKE) VENV=$(LOWEST) CONSTRAINTS=constraints-lowest.txt suite
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
-	$(BIN)/python -m pytest --cov --cov-report term:skip-covered $(PYTEST_ARGS)
+	$(PYTEST) --cov --cov-report term:skip-covered $(PYTEST_ARGS)
+
+campaign: $(STAMP)  ## Break the running stack in every way that is known, for about 45 minutes; goes on where it stopped
+	$(BIN)/python benchmarks/campaign.py
+
+soak: $(STAMP)  ## Play for eight hours of lockstep time, in about one, and watch memory, handles and threads
+	$(BIN)/python benchmarks/soak.py
 
 lint: $(STAMP)  ## Check style and types
 	$(BIN)/ruff check
@@ -75,7 +91,7 @@ dist: $(STAMP)  ## Build wheel and source distribution into dist/
 	rm -rf dist
 	$(BIN)/python -m build --no-isolation --outdir dist
 
-clean:  ## Remove the environment, caches and builds; out/ and runs/ stay
+clean:  ## Remove the environments, caches and builds; out/ and runs/ stay
 	rm -rf build dist install log msrd_ros.egg-info .coverage .coverage.* .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -not -path './.git/*' -not -path './.venv*' -prune -exec rm -rf {} +
-	test ! -e $(VENV)/pyvenv.cfg || rm -rf $(VENV)
+	for made in $(VENV) $(LOWEST); do test ! -e $$made/pyvenv.cfg || rm -rf $$made; done

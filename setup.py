@@ -35,12 +35,15 @@ def tree(top: str) -> list[tuple[str, list[str]]]:
     return found
 
 
+# Lower bounds are what `make test-lowest` installs (constraints-lowest.txt), a year older than the lock
+# or more. Torch's is not tried: of other versions than the lock's we have no build without gigabytes of CUDA.
+
 # A sourced ROS installation has rclpy and the messages, built against NumPy 1; elsewhere wheels bring them.
 if os.environ.get("ROS_DISTRO"):
     NUMPY, ROS = ["numpy>=1.26,<2"], []
 else:
     NUMPY = ["numpy>=1.26"]
-    ROS = ["ros-jazzy-rclpy[fastrtps]>=7.1,<8", "ros-jazzy-common-interfaces>=5.3,<6"]
+    ROS = ["ros-jazzy-rclpy[fastrtps]>=7.1.6,<8", "ros-jazzy-common-interfaces>=5.3.6,<6"]
 
 # What the rooms from robots/ up to the nodes need beside it: simulators, teachers, stroke training, reports.
 SIMULATION = [
@@ -54,8 +57,9 @@ SIMULATION = [
 STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.1.6"]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
-EXAMPLES = ["gymnasium[box2d]>=1.0"]
-DOCUMENTS = ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"]
+# Not gymnasium's own extra: before 1.2.3 it compiles Box2D.
+EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0"]
+DOCUMENTS = ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8"]
 
 setup(
     name=NAME,
@@ -82,11 +86,11 @@ setup(
     install_requires=[
         *NUMPY,
         "gymnasium>=1.0",
-        "lz4>=4.3",
-        "mcap>=1.2",
+        "lz4>=4.3.2",
+        "mcap>=1.2.1",
         "pyyaml>=6.0.1",
-        "rosbags>=0.10.4",
-        "safetensors>=0.4.3",
+        "rosbags>=0.11.0",
+        "safetensors>=0.5.3",
         "torch>=2.3",
         "tqdm>=4.66",
         "zstandard>=0.22",
@@ -100,17 +104,18 @@ setup(
         "docs": DOCUMENTS,
         "all": [*ROS, *STUDIES, *DATA_SETS, *EXAMPLES],
         "test": [
-            "build>=1.2",
+            "build>=1.2.1",
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",
-            "mcap-ros2-support>=0.5",
+            "mcap-ros2-support>=0.5.2",
             *DATA_SETS,
             *EXAMPLES,
             "mypy>=1.11",
             "packaging>=23",
             "pytest>=8",
             "pytest-cov>=5",
-            "pytest-timeout>=2.3",
+            "pytest-timeout>=2.3.1",
+            "pytest-xdist>=3.6.1",
             "ruff>=0.6",
             "setuptools<80",  # colcon-core needs the install command that later ones dropped
             "types-pyyaml",

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from learning_core import PARTS, seconds_of_parts
 
+from learning_core import PARTS, seconds_of_parts
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.config import MSRDConfig, PolicyReward
 from msrd_ros.learning.methods.msrd import Msrd

@@ -42,14 +42,20 @@ def parameters() -> str:
     """One table of parameters for each node."""
     parts = []
     for node in NODES:
-        parts += [f"## {node}", "", "| parameter | default | range | meaning |", "|---|---|---|---|"]
+        parts += [
+            f"## {node}",
+            "",
+            "| parameter | default | range | set | meaning |",
+            "|---|---|---|---|---|",
+        ]
         defaults = config_type(node)()
         for field in dataclasses.fields(defaults):
             facts: ParameterFacts = field.metadata["parameter"]
             default = json.dumps(getattr(defaults, field.name))
             unit = f" [{facts.unit}]" if facts.unit else ""
             meaning = re.sub(r"([|<*_])", r"\\\1", f"{facts.description.rstrip('.')}{unit}")
-            parts.append(f"| `{field.name}` | `{default}` | {_range(facts)} | {meaning} |")
+            when = "live" if facts.live else "at start"
+            parts.append(f"| `{field.name}` | `{default}` | {_range(facts)} | {when} | {meaning} |")
         parts.append("")
     return "\n".join(parts)
 
@@ -65,7 +71,8 @@ def _range(facts: ParameterFacts) -> str:
 def arrows() -> dict[str, set[str]]:
     """Rooms that each room's files import, from the import statements themselves."""
     found: dict[str, set[str]] = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
+    # A room's command line stands above the rooms.
+    for path in sorted(path for path in PACKAGE.rglob("*.py") if path.name != "__main__.py"):
         own = _room(".".join(path.relative_to(ROOT).with_suffix("").parts))
         if own is None:
             continue

@@ -1,22 +1,10 @@
-"""Learn from the bags that the trainer's parameter file names: `ros2 launch msrd_ros train.launch.py`."""
+"""Learn from bags: `ros2 launch msrd_ros train.launch.py bags:=my_bags out:=runs/mine`."""
 
 from launch import LaunchDescription
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.actions import Node
-from launch_ros.substitutions import FindPackageShare
+
+from msrd_ros.stack.launch_files import describe
 
 
 def generate_launch_description() -> LaunchDescription:
-    """One node with its file in config/."""
-    config = PathJoinSubstitution([FindPackageShare("msrd_ros"), "config"])
-    return LaunchDescription(
-        [
-            Node(
-                package="msrd_ros",
-                executable="trainer",
-                name="trainer",
-                output="screen",
-                parameters=[PathJoinSubstitution([config, "trainer.yaml"])],
-            ),
-        ]
-    )
+    """What `python -m msrd_ros up train` starts; `--show-args` lists its arguments."""
+    return describe("train")

@@ -1,4 +1,4 @@
-"""`python -m msrd_ros <name>`: every executable without the `ros2` command, and the demo.
+"""`python -m msrd_ros <name>`: every executable without the `ros2` command.
 
 Only what is asked for is imported: `recorder` starts without torch, `reproduce` without rclpy.
 """
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from msrd_ros.core.compiled_cache import choose_compiled_cache
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.parent import end_with_parent
 from msrd_ros.core.scratch import provide_writable_directories
 
 
@@ -33,16 +34,20 @@ EXECUTABLES: dict[str, Command] = {
     "executor": Command("msrd_ros.nodes.executor", "play a learned strategy on the simulator or the robot"),
     "evaluator": Command("msrd_ros.nodes.evaluator", "feed balls to the executor and report how it played"),
     "reproduce": Command("msrd_ros.studies.reproduce", "run the paper's studies again"),
+    "up": Command("msrd_ros.up.command", "start all that it takes to teach, play or train, or the demo"),
 }
 """What `ros2 run msrd_ros <name>` finds: one file of this name under ``lib/msrd_ros`` each."""
 
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
     "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
-    "demo": Command("msrd_ros.demo.stages", "the whole stack: teach, record, replay, train, play, report"),
+    "doctor": Command("msrd_ros.stack.doctor", "look at the running stack: what keeps it from its work"),
 }
 
-EXTRAS = {"nodes": "ros,sim", "demo": "ros,sim", "studies": "studies"}
+FORMER = {"demo": "up demo"}
+"""What is said otherwise now."""
+
+EXTRAS = {"nodes": "ros,sim", "stack": "ros,sim", "up": "ros,sim", "studies": "studies"}
 """Extras of the installation that commands need, by the room that a command lives in."""
 
 USER_ERROR = 2
@@ -67,9 +72,13 @@ def main(argv: list[str] | None = None) -> int:
         print(_usage())
         return 0
     name, *rest = arguments
+    if name in FORMER:
+        print(f"msrd_ros: error: {name} is called `{FORMER[name]}` now; see `up --help`", file=sys.stderr)
+        return USER_ERROR
     if name not in COMMANDS:
         print(f"msrd_ros: error: unknown name {name!r}; use one of these\n{_list()}", file=sys.stderr)
         return USER_ERROR
+    end_with_parent(os.environ)
     provide_writable_directories(os.environ)
     choose_compiled_cache(os.environ)
     try:

@@ -32,6 +32,13 @@ provide_writable_directories(os.environ)
 choose_compiled_cache(os.environ)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Where tests run side by side, a file's go one after the other, and so do all that start processes."""
+    for item in items:
+        group = "processes" if item.get_closest_marker("processes") else item.path.as_posix()
+        item.add_marker(pytest.mark.xdist_group(group))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def ros_log_directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keep ROS logs of this session and of its processes out of the home directory."""

@@ -80,6 +80,7 @@ ROOMS["reports"] = Room(_ALL_BELOW, ROS | BAGS)
 ROOMS["nodes"] = Room({*_ALL_BELOW, "recordings"}, DRAWING)
 ROOMS["stack"] = Room({*ROOMS["nodes"].below, "nodes"}, DRAWING)
 ROOMS["demo"] = Room({*_ALL_BELOW, "recordings", "reports", "stack"}, set())
+ROOMS["up"] = Room({"core", "robots", "stack", "demo"}, DRAWING)
 ROOMS["studies"] = Room({*_ALL_BELOW, "recordings", "reports", "stack"}, set())
 """From the ground up. Imports run downwards only."""
 
@@ -148,7 +149,9 @@ def test_every_module_has_its_room() -> None:
 
 @pytest.mark.parametrize("name", ROOMS)
 def test_imports_run_downwards_only(name: str) -> None:
-    found = [line for path in sorted((ROOT / name).rglob("*.py")) for line in violations(name, path)]
+    # A room's command line stands above all rooms, as the package's does; nobody imports it.
+    files = [path for path in sorted((ROOT / name).rglob("*.py")) if path.name != "__main__.py"]
+    found = [line for path in files for line in violations(name, path)]
     assert not found, "\n".join(found)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from packaging.version import Version
 
 from processes import CHECKOUT, PACKAGE
 
@@ -29,11 +30,14 @@ EXTRAS: dict[str, set[str]] = {
     "nodes": {"ros", "sim"},
     "stack": {"ros", "sim"},
     "demo": {"ros", "sim"},
+    "up": {"ros", "sim"},
     "studies": {"studies"},
 }
 """Extras beside the base installation, by room."""
 
 BASE_ROOMS = ("core", "contract", "bags", "learning", "recordings")
+NONE_OLDER = {"box2d", "colcon-common-extensions", "ros-jazzy-common-interfaces", "ros-jazzy-rclpy"}
+"""Distributions of which the lock's version is the oldest with a wheel."""
 ELSEWHERE = {"imitation", "sb3_contrib", "stable_baselines3"}
 """What one benchmark compares with, in an environment of its own."""
 
@@ -82,7 +86,7 @@ def ros() -> set[str]:
 def imported(folder: Path) -> Iterator[tuple[str, str]]:
     """What the files below a folder import from others' packages, and where."""
     own = {path.stem for path in (CHECKOUT / "test" / "helpers").glob("*.py")}
-    own |= {path.stem for path in (CHECKOUT / "benchmarks").glob("*.py")} | {PACKAGE, "setup"}
+    own |= {path.stem for path in (CHECKOUT / "benchmarks").iterdir()} | {PACKAGE, "setup"}
     for path in sorted(folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names: list[str] = []
@@ -144,6 +148,27 @@ def test_nothing_is_declared_in_vain(declared: dict[str, set[str]]) -> None:
     used = {name for module, _ in imported(CHECKOUT / PACKAGE) for name in distributions(module)}
     asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari")))
     assert asked - used == set()
+
+
+def pins(name: str) -> dict[str, Version]:
+    """Exact versions of a constraints file."""
+    lines = (CHECKOUT / name).read_text(encoding="utf-8").splitlines()
+    pinned = [line.split("==") for line in lines if line and not line.startswith("#")]
+    return {normal(distribution): Version(version) for distribution, version in pinned}
+
+
+def floors() -> dict[str, Version]:
+    """The lower bounds of setup.py."""
+    text = (CHECKOUT / "setup.py").read_text(encoding="utf-8")
+    stated = re.findall(r'"([\w-]+)(?:\[\w+\])?>=([\d.]+)', text)
+    return {normal(name): Version(version) for name, version in stated}
+
+
+def test_make_test_lowest_installs_the_floors_torch_apart() -> None:
+    lowest, lock, lower_bounds = pins("constraints-lowest.txt"), pins("constraints.txt"), floors()
+    assert lowest.pop("torch") == lock["torch"] > lower_bounds.pop("torch")
+    assert lowest == lower_bounds
+    assert {name for name, version in lowest.items() if version >= lock[name]} == NONE_OLDER
 
 
 def test_library_and_bags_load_without_any_extra(declared: dict[str, set[str]], ros: set[str]) -> None:

@@ -134,7 +134,7 @@ def test_every_node_has_a_parameter_file_and_every_file_a_node() -> None:
 def test_parameter_file_repeats_what_the_node_declares(node: str) -> None:
     text = (CHECKOUT / "config" / f"{node}.yaml").read_text(encoding="utf-8")
     assert text == parameter_file(node), "run `make format`"
-    content = yaml.safe_load(text)[node]["ros__parameters"]
+    content = yaml.safe_load(text)["/**"]["ros__parameters"]
     defaults = {key: value for key, value in dataclasses.asdict(config_type(node)()).items() if value != []}
     assert content == defaults
 

@@ -33,6 +33,34 @@ def read_header(data: bytes) -> tuple[int, str]:
     return sec * _NANOSECONDS + nanosec, text.decode("utf-8", errors="replace")
 
 
+def read_joint_names(data: bytes) -> tuple[str, ...]:
+    """Names of a serialised sensor_msgs/JointState, which has them right behind its header.
+
+    Raises
+    ------
+    ValueError
+        If `data` is too short or no CDR.
+    """
+    order = "<" if read_header(data) and data[1] else ">"
+    try:
+        (length,) = struct.unpack_from(f"{order}I", data, _TEXT_OFFSET - 4)
+        offset = _TEXT_OFFSET + length
+        offset += -(offset - _HEADER_OFFSET) % 4
+        (count,) = struct.unpack_from(f"{order}I", data, offset)
+        offset += 4
+        names = []
+        for _ in range(count):
+            offset += -(offset - _HEADER_OFFSET) % 4
+            (length,) = struct.unpack_from(f"{order}I", data, offset)
+            offset += 4 + length
+            if offset > len(data):
+                raise ValueError(f"a name of {length} bytes in a message of {len(data)}")
+            names.append(data[offset - length : offset - 1].decode("utf-8", errors="replace"))
+    except struct.error:
+        raise ValueError(f"{len(data)} bytes end within the names of joints") from None
+    return tuple(names)
+
+
 def read_stamp_ns(data: bytes) -> int:
     """Stamp in nanoseconds of a message whose first field is a std_msgs/Header."""
     return read_header(data)[0]

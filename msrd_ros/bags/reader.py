@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import zstandard
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.stream_reader import CRCValidationError
-from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2 import Reader
 
 from msrd_ros.bags.cdr import read_frame_id
-from msrd_ros.bags.metadata import REPAIR_COMMAND, BagInfo, read_info
+from msrd_ros.bags.info import BagInfo, read_info
+from msrd_ros.bags.lone_mcap import read_mcap_messages, repair_command
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import (
@@ -25,21 +21,9 @@ from msrd_ros.contract.topics import (
     STRATEGY,
     BagMessage,
     find_topics,
+    say_topic,
 )
 from msrd_ros.core.errors import UserError
-
-_BROKEN = (
-    McapError,
-    CRCValidationError,
-    ReaderError,
-    zstandard.ZstdError,
-    OSError,
-    EOFError,
-    ValueError,
-    KeyError,
-    struct.error,
-)
-"""What the storage readers raise when a file is cut off or damaged."""
 
 _NEEDED = (JOINT_STATES, BALL_POSITION)
 _LABELLED = (STRATEGY, OUTCOME)
@@ -70,7 +54,7 @@ class Bag:
     Parameters
     ----------
     path
-        The bag's directory.
+        The bag's directory, or an MCAP file.
     names
         Full topic name in the bag by relative name, where it is neither at the root nor unmistakable.
 
@@ -88,8 +72,7 @@ class Bag:
         if missing:
             raise UserError(
                 f"bag {path}: has no topic {' and no '.join(missing)} (it has "
-                f"{', '.join(sorted(self.info.types)) or 'none'}); record it, or say what it is called here "
-                f"with {missing[0]}:=NAME"
+                f"{', '.join(sorted(self.info.types)) or 'none'}); record it, or {say_topic(missing[0])}"
             )
 
     def raw(self) -> list[BagMessage]:
@@ -103,7 +86,7 @@ class Bag:
         where = f"bag {self.info.path}"
         try:
             messages = list(_read_storage(self.info))
-        except _BROKEN as error:
+        except Exception as error:  # a damaged file makes the storage readers stumble in many ways
             reason = (str(error).splitlines() or [""])[0]
             raise UserError(
                 f"{where}: is cut off or damaged ({type(error).__name__}: {reason}); {self._how_to_mend()}"
@@ -118,7 +101,7 @@ class Bag:
 
     def _how_to_mend(self) -> str:
         if self.info.storage == "mcap" and not self.info.packed:
-            return f"recover what is there with: {REPAIR_COMMAND} {self.info.path}"
+            return f"recover what is there with: {repair_command(self.info.path)}"
         return "copy it again or leave it out"
 
     def entries(self) -> Iterator[BagEntry]:
@@ -188,8 +171,8 @@ def _read_storage(info: BagInfo) -> Iterator[BagMessage]:
     if info.storage == "mcap" and not info.packed:
         # mcap's reader also knows send times and sequence numbers, checks sums, and opens faster.
         for name in info.files:
-            with (info.path / name).open("rb") as stream:
-                for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            with (info.folder / name).open("rb") as stream:
+                for _, channel, message in read_mcap_messages(stream):
                     yield BagMessage(
                         channel.topic, message.data, message.log_time, message.publish_time, message.sequence
                     )

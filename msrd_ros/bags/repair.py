@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import struct
-import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -14,18 +13,20 @@ import lz4.frame
 import yaml
 import zstandard
 
+from msrd_ros.bags.lone_mcap import MAGIC, MCAP_SUFFIX
 from msrd_ros.bags.metadata import METADATA_FILE, ROOT_KEY, split_name
 from msrd_ros.bags.schemas import is_known_type
+from msrd_ros.bags.strokes import STATES
 from msrd_ros.bags.writer import write_bag
 from msrd_ros.contract.topics import CONTRACT, BagMessage, BagTopic
 from msrd_ros.core.errors import UserError
 
-_MAGIC = b"\x89MCAP0\r\n"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x03, 0x04, 0x05, 0x06
 _RECORD_HEAD = struct.Struct("<BQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _PARTIAL_STEP = 1024
+_MOST_LISTED = 10
 
 
 _LATCHED = tuple(f"/{facts.name.lstrip('/')}" for facts in CONTRACT.values() if facts.latched)
@@ -36,7 +37,29 @@ class _Channel(NamedTuple):
     type_name: str
 
 
-def repair(path: Path, target: Path | None = None) -> Path:
+class Recovery(NamedTuple):
+    """What was recovered.
+
+    Attributes
+    ----------
+    path
+        The new bag's directory.
+    held
+        What the broken bag holds, for a person.
+    is_stroke
+        Whether it holds what a stroke needs.
+    """
+
+    path: Path
+    held: str
+    is_stroke: bool
+
+    def __str__(self) -> str:
+        none = "" if self.is_stroke else f"; none of it is a stroke: it holds {self.held}"
+        return f"recovered to {self.path}{none}"
+
+
+def repair(path: Path, target: Path | None = None) -> Recovery:
     """Recover the messages of a bag that was cut off, and write them as a new bag.
 
     All records up to the cut are taken, also those of a chunk that is there only in part, as far as its
@@ -46,31 +69,30 @@ def repair(path: Path, target: Path | None = None) -> Path:
     Parameters
     ----------
     path
-        Directory of the broken bag.
+        Directory or MCAP file of the broken bag.
     target
         Directory of the new bag; ``<path>_repaired`` when None.
-
-    Returns
-    -------
-    The new bag's directory.
 
     Raises
     ------
     UserError
         If there is no MCAP file, nothing can be recovered, or the new directory exists.
     """
-    files = sorted(path.glob("*.mcap"))
+    files = [path] if path.is_file() else sorted(path.glob(f"*{MCAP_SUFFIX}"))
     if not files:
         raise UserError(
-            f"bag {path}: holds no .mcap file, so nothing can be recovered; name a bag's directory"
+            f"bag {path}: holds no {MCAP_SUFFIX} file, and only such can be recovered; name a bag's directory"
         )
     if target is None:
-        target = path.with_name(f"{path.resolve().name}_repaired")
+        name = path.resolve().stem if path.is_file() else path.resolve().name
+        target = path.with_name(f"{name}_repaired")
+    held: Counter[_Channel] = Counter()
     topics: dict[str, BagTopic] = {}
     messages: list[BagMessage] = []
     left_out: set[str] = set()
     for file in files:
-        for channel, message in _recover(file.read_bytes()):
+        for channel, message in _recover(_read(file, path)):
+            held[channel] += 1
             if is_known_type(channel.type_name):
                 topics[channel.topic] = BagTopic(
                     channel.topic, channel.type_name, latched=channel.topic.endswith(_LATCHED)
@@ -78,8 +100,14 @@ def repair(path: Path, target: Path | None = None) -> Path:
                 messages.append(message)
             else:
                 left_out.add(channel.topic)
+    listed = _listed(held)
+    if not held:
+        raise UserError(f"bag {path}: no message can be read in it; it is left as it is, so record it again")
     if not messages:
-        raise UserError(f"bag {path}: no message is left in it; delete it and record it again")
+        raise UserError(
+            f"bag {path}: holds {listed}, of types that are not known here: none of it is a stroke; "
+            f"it is left as it is"
+        )
     messages.sort(key=lambda message: message.log_time_ns)
     custom = {**_custom_data(path), "repaired": "true"}
     if left_out:
@@ -88,7 +116,24 @@ def repair(path: Path, target: Path | None = None) -> Path:
         write_bag(target, list(topics.values()), messages, custom)
     except FileExistsError:
         raise UserError(f"bag {target}: exists already; move it away or name another target") from None
-    return target
+    except OSError as error:
+        raise UserError(f"bag {target}: cannot be written ({error.strerror}); name another target") from None
+    kinds = {channel.type_name for channel in held}
+    return Recovery(target, listed, {CONTRACT[role].type_name for role in STATES} <= kinds)
+
+
+def _read(file: Path, path: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise UserError(f"bag {path}: its file {file.name} cannot be read ({error.strerror})") from None
+
+
+def _listed(held: Counter[_Channel]) -> str:
+    """How many messages of which topics and types."""
+    parts = [f"{count} on {channel.topic} ({channel.type_name})" for channel, count in held.most_common()]
+    more = f" and {len(parts) - _MOST_LISTED} more topics" if len(parts) > _MOST_LISTED else ""
+    return f"{held.total()} messages, {', '.join(parts[:_MOST_LISTED])}{more}"
 
 
 def _custom_data(path: Path) -> dict[str, str]:
@@ -96,17 +141,17 @@ def _custom_data(path: Path) -> dict[str, str]:
     try:
         root = yaml.safe_load((path / METADATA_FILE).read_text(encoding="utf-8"))[ROOT_KEY]
         return {str(key): str(value) for key, value in (root["custom_data"] or {}).items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError):
+    except Exception:  # damaged text makes the parser stumble in many ways
         named = split_name(path.resolve().name)
         return {"label": named[0]} if named else {}
 
 
 def _recover(data: bytes) -> Iterator[tuple[_Channel, BagMessage]]:
-    if not data.startswith(_MAGIC):
+    if not data.startswith(MAGIC):
         return
     schemas: dict[int, str] = {}
     channels: dict[int, _Channel] = {}
-    for opcode, body in _records(data[len(_MAGIC) :]):
+    for opcode, body in _records(data[len(MAGIC) :]):
         records = _records(_unpack_chunk(body)) if opcode == _CHUNK else [(opcode, body)]
         for inner, content in records:
             try:
@@ -165,23 +210,3 @@ def _text(data: bytes, offset: int) -> tuple[str, int]:
     if end > len(data):
         raise struct.error("text is cut off")
     return data[offset + 4 : end].decode(), end
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """``python -m msrd_ros.bags.repair BAG [TARGET]``."""
-    parser = argparse.ArgumentParser(prog="repair", description=__doc__)
-    parser.add_argument("bag", type=Path, help="directory of the broken bag")
-    parser.add_argument(
-        "target", type=Path, nargs="?", help="directory of the new bag; BAG_repaired if left out"
-    )
-    options = parser.parse_args(arguments)
-    try:
-        print(f"recovered to {repair(options.bag, options.target)}")
-    except UserError as error:
-        print(f"repair: error: {error}", file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -42,8 +42,20 @@ def describe_type(type_name: str) -> tuple[bytes, str]:
 
 
 def deserialise(data: bytes, type_name: str) -> Any:
-    """Message with the field names of the ROS type; arrays are NumPy arrays."""
-    return typestore().deserialize_cdr(data, type_name)
+    """Message with the field names of the ROS type; arrays are NumPy arrays.
+
+    Raises
+    ------
+    UserError
+        If the bytes are no such message.
+    """
+    try:
+        return typestore().deserialize_cdr(data, type_name)
+    except Exception as error:  # bytes from elsewhere make the reader stumble in many ways
+        reason = (str(error).splitlines() or [""])[0]
+        raise UserError(
+            f"{len(data)} bytes are no {type_name} ({type(error).__name__}: {reason}); record them again"
+        ) from None
 
 
 def serialise(message: Any, type_name: str) -> bytes:

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import bisect
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from msrd_ros.bags.cdr import read_stamp_ns
-from msrd_ros.bags.strokes import STATES, Arrival, CutSettings, Stroke, cut_stroke, read_decision
+from msrd_ros.bags.strokes import (
+    OTHER_JOINT_STATES,
+    STATES,
+    Arrival,
+    CutSettings,
+    Stroke,
+    cut_stroke,
+    is_simulated,
+    only_arms,
+    read_decision,
+)
 from msrd_ros.contract.topics import FEED, JOINT_STATES, OUTCOME, STRATEGY, BagMessage
 
 _QUIET_TICKS = 3
@@ -15,7 +25,6 @@ _QUIET_TICKS_SIMULATED = 25
 """Where the order of sending tells when a stroke is whole, silence is only the last resort: on a starved
 machine messages are under way for longer than a few ticks."""
 _RESET_NS = 500_000_000
-_SIMULATED_NS = 10_000_000_000
 
 
 class StrokeBuffer:
@@ -27,10 +36,19 @@ class StrokeBuffer:
 
     Stamps of `joint_states` that are far from the wall clock tell of simulated time. The stroke's order is
     then the order of sending, and its clock those stamps: exact, however late the recorder got to run.
+
+    Parameters
+    ----------
+    settings
+        How strokes are cut.
+    is_arms
+        Whether a serialised joint state is the arm's own. Those of other devices have their own clocks and
+        labels, and are no part of a stroke.
     """
 
-    def __init__(self, settings: CutSettings) -> None:
+    def __init__(self, settings: CutSettings, is_arms: Callable[[bytes], bool] = lambda _: True) -> None:
         self._settings = settings
+        self._is_arms = is_arms
         self._arrivals: deque[Arrival] = deque()
         self._feeds: deque[Arrival] = deque()
         self._outcomes: deque[Arrival] = deque()
@@ -55,6 +73,8 @@ class StrokeBuffer:
     def add(self, arrival: Arrival) -> None:
         """Take a message of a topic that is to be recorded."""
         self._quiet_ticks = 0
+        if arrival.role == JOINT_STATES and not self._is_arms(arrival.data):
+            arrival = arrival._replace(role=OTHER_JOINT_STATES)
         if arrival.role in STATES:
             self._newest[arrival.role] = arrival
         if arrival.role == JOINT_STATES:
@@ -98,6 +118,7 @@ class StrokeBuffer:
         if feed is not None:
             bisect.insort(inside, feed, key=self._key)
         inside.append(outcome)
+        inside = only_arms(inside)
         stroke = cut_stroke(inside, decision, self._strategy, self._simulated, self._settings)
         self._remember_strategy(inside)
         self._arrivals = deque(arrival for arrival in self._arrivals if self._key(arrival) > end)
@@ -129,8 +150,11 @@ class StrokeBuffer:
         return arrival.sent_ns if self._simulated else arrival.received_ns
 
     def _watch_clock(self, arrival: Arrival) -> None:
-        stamp_ns = read_stamp_ns(arrival.data)
-        self._simulated = abs(stamp_ns - arrival.received_ns) > _SIMULATED_NS
+        try:
+            stamp_ns = read_stamp_ns(arrival.data)
+        except ValueError:
+            return  # the inspection says what is wrong with it
+        self._simulated = is_simulated(arrival)
         if self._simulated and stamp_ns < self._stamp_ns - _RESET_NS and not self._outcomes:
             # Simulated time that jumps back begins a new world, or another bag that is being played; a
             # stroke that is decided is whole already, and told from what follows by the order of sending.
@@ -160,10 +184,14 @@ class StrokeBuffer:
             self._remember_strategy([self._arrivals.popleft()])
 
 
-def split_strokes(messages: Iterable[BagMessage], settings: CutSettings) -> list[Stroke]:
+def split_strokes(
+    messages: Iterable[BagMessage],
+    settings: CutSettings,
+    is_arms: Callable[[bytes], bool] = lambda _: True,
+) -> list[Stroke]:
     """Cut the strokes of a longer recording; topics are relative names, log times in order."""
     strokes: list[Stroke] = []
-    buffer = StrokeBuffer(settings)
+    buffer = StrokeBuffer(settings, is_arms)
     for message in messages:
         time_ns = message.log_time_ns
         buffer.add(Arrival(message.topic, message.data, time_ns, time_ns, message.sequence))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from msrd_ros.bags.cdr import read_frame_id, read_stamp_ns
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.stamps import stamp_to_ns
 from msrd_ros.contract.topics import (
     BALL_POSITION,
     CONTRACT,
@@ -19,11 +20,15 @@ from msrd_ros.contract.topics import (
     STRATEGY,
     BagMessage,
 )
-from msrd_ros.contract.translation import RALLY_STATUS
+from msrd_ros.contract.translation import RALLY_STATUS, BallTracker, read_ball_position
 from msrd_ros.core.errors import UserError
+
+_SIMULATED_NS = 10_000_000_000
 
 STATES = (JOINT_STATES, BALL_POSITION)
 """The topics of which every message counts."""
+OTHER_JOINT_STATES = "joint_states of another device"
+"""Takes the place of the topic for those that are not the arm's."""
 
 
 class Arrival(NamedTuple):
@@ -83,22 +88,25 @@ class Stroke:
         From the outcome, else from the strategy in effect at the launch; None if neither has one.
     ball_id, outcome, flight_s
         The ball's number, ``returned`` or the miss reason, and how many seconds after its launch it was
-        decided, as the referee wrote them; NaN where it does not say when.
+        decided, as the referee wrote them; NaN where it does not say when. An outcome of None: nobody said.
     launch_ns, end_ns
         Log times of launch and outcome.
     messages
         In the order of their log times; topics are relative names. The strategy comes first.
+    received_ns
+        When each of them was received: its log time, unless that is simulated time.
     lost
         How many messages of the state topics went missing within it.
     """
 
     label: StrategyLabel | None
     ball_id: str
-    outcome: str
+    outcome: str | None
     flight_s: float
     launch_ns: int
     end_ns: int
     messages: tuple[BagMessage, ...]
+    received_ns: tuple[int, ...] = field(compare=False)
     lost: int
 
 
@@ -106,7 +114,7 @@ class Decision(NamedTuple):
     """What a `Stroke` takes from the referee's words; fields as there."""
 
     ball_id: str = ""
-    outcome: str = ""
+    outcome: str | None = ""
     flight_s: float = math.nan
 
 
@@ -138,9 +146,9 @@ def cut_stroke(
     first_ns = max(launch_ns - int(settings.pre_roll_s * 1e9), times[0])
     strategy = _strategy_in_effect(arrivals, begin, strategy, _label_of(outcome))
     label = _label_of(outcome) or (_label_of(strategy) if strategy else None)
-    messages: list[BagMessage] = []
+    rows: list[tuple[BagMessage, int]] = []
     if strategy is not None:
-        messages.append(_message(strategy, first_ns, simulated))
+        rows.append((_message(strategy, first_ns, simulated), strategy.received_ns))
     previous: dict[str, bytes] = {}
     lost = 0
     for index, (time_ns, arrival) in enumerate(zip(times, arrivals, strict=True)):
@@ -155,14 +163,61 @@ def cut_stroke(
         if arrival.role in STATES and previous.get(arrival.role) == arrival.data:
             continue  # lockstep repeats unanswered ticks, and the ball while there is no new camera frame
         previous[arrival.role] = arrival.data
-        messages.append(_message(arrival, time_ns, simulated))
-    messages.sort(key=lambda message: message.log_time_ns)
-    return Stroke(label, *decision, launch_ns, times[-1], tuple(messages), lost)
+        rows.append((_message(arrival, time_ns, simulated), arrival.received_ns))
+    rows.sort(key=lambda row: row[0].log_time_ns)
+    messages, received_ns = zip(*rows, strict=True)
+    return Stroke(label, *decision, launch_ns, times[-1], messages, received_ns, lost)
+
+
+def only_arms(arrivals: Sequence[Arrival]) -> list[Arrival]:
+    """The arrivals without other devices' joint states; with them as the arm's where it has none itself."""
+    if any(arrival.role == JOINT_STATES for arrival in arrivals):
+        return [arrival for arrival in arrivals if arrival.role != OTHER_JOINT_STATES]
+    return [a._replace(role=JOINT_STATES) if a.role == OTHER_JOINT_STATES else a for a in arrivals]
+
+
+def whole_stroke(
+    messages: Sequence[BagMessage], label: StrategyLabel, is_arms: Callable[[bytes], bool]
+) -> Stroke:
+    """Make a stroke of a recording of one ball, with all its messages; topics are relative names.
+
+    Without labels in the joint states the launch is where the ball begins to fly: a feed may have been asked
+    for long before.
+    """
+    arrivals = only_arms(
+        [
+            Arrival(
+                OTHER_JOINT_STATES if m.topic == JOINT_STATES and not is_arms(m.data) else m.topic,
+                m.data,
+                m.log_time_ns,
+                m.log_time_ns,
+                m.sequence,
+            )
+            for m in messages
+        ]
+    )
+    joints = [arrival for arrival in arrivals if arrival.role == JOINT_STATES]
+    simulated = 2 * sum(is_simulated(arrival) for arrival in joints) > len(joints)
+    times = _log_times(arrivals, simulated)
+    begin = _labels_begin(arrivals, _said(arrivals, None))
+    begin = _flight_index(arrivals) if begin is None else begin
+    begin = _launch_index(arrivals, set()) if begin is None else begin
+    ends = [index for index, arrival in enumerate(arrivals) if arrival.role == OUTCOME]
+    decision = read_decision(arrivals[ends[-1]].data) if ends else Decision(outcome=None)
+    rows = [_message(arrival, time, simulated) for arrival, time in zip(arrivals, times, strict=True)]
+    received_ns = tuple(arrival.received_ns for arrival in arrivals)
+    return Stroke(
+        label, *decision, times[begin], times[ends[-1] if ends else -1], tuple(rows), received_ns, lost=0
+    )
 
 
 def read_decision(data: bytes) -> Decision:
-    """What a serialised `rally/outcome` says; nothing if it holds no status ``rally``."""
-    for status in deserialise(data, CONTRACT[OUTCOME].type_name).status:
+    """What a serialised `rally/outcome` says; nothing if it cannot be read or holds no status ``rally``."""
+    try:
+        array = deserialise(data, CONTRACT[OUTCOME].type_name)
+    except UserError:
+        return Decision()
+    for status in array.status:
         if status.name == RALLY_STATUS:
             values = {item.key: item.value for item in status.values}
             try:
@@ -180,21 +235,50 @@ def _said(arrivals: Sequence[Arrival], earlier: Arrival | None) -> set[StrategyL
     return {label for label in labels if label is not None}
 
 
+def is_simulated(arrival: Arrival) -> bool:
+    """Whether a stamp is far from the wall clock: it tells of simulated time. One of zero tells nothing."""
+    stamp_ns = _stamp_ns(arrival)
+    return stamp_ns > 0 and abs(stamp_ns - arrival.received_ns) > _SIMULATED_NS
+
+
 def _launch_index(arrivals: Sequence[Arrival], said: Set[StrategyLabel]) -> int:
     """Where the launch is: joint states begin to carry a label; else the feed; else the strategy's setting.
 
     A feed may be asked for long before its launch: the arm has to be ready first.
     """
-    joints = [index for index, arrival in enumerate(arrivals) if arrival.role == JOINT_STATES]
-    labelled = [_label_of(arrivals[index]) in said for index in joints]
-    begins = [joints[i] for i in range(1, len(joints)) if labelled[i] and not labelled[i - 1]]
-    if begins:
-        return begins[-1]
+    begin = _labels_begin(arrivals, said)
+    if begin is not None:
+        return begin
     for role in (FEED, STRATEGY):
         for index, arrival in enumerate(arrivals):
             if arrival.role == role:
                 return index
     return 0
+
+
+def _labels_begin(arrivals: Sequence[Arrival], said: Set[StrategyLabel]) -> int | None:
+    joints = [index for index, arrival in enumerate(arrivals) if arrival.role == JOINT_STATES]
+    labelled = [_label_of(arrivals[index]) in said for index in joints]
+    begins = [joints[i] for i in range(1, len(joints)) if labelled[i] and not labelled[i - 1]]
+    return begins[-1] if begins else None
+
+
+def _flight_index(arrivals: Sequence[Arrival]) -> int | None:
+    """The last ball position before the ball is seen flying towards the robot."""
+    tracker = BallTracker()
+    before = None
+    for index, arrival in enumerate(arrivals):
+        if arrival.role != BALL_POSITION:
+            continue
+        try:
+            message = deserialise(arrival.data, CONTRACT[BALL_POSITION].type_name)
+            tracker.add(read_ball_position(message), stamp_to_ns(message.header.stamp))
+        except UserError:
+            continue
+        if tracker.fed:
+            return before
+        before = index
+    return None
 
 
 def _strategy_in_effect(
@@ -215,13 +299,20 @@ def _strategy_in_effect(
 def _log_times(arrivals: Sequence[Arrival], simulated: bool) -> list[int]:
     if not simulated:
         return [arrival.received_ns for arrival in arrivals]
-    stamps = [read_stamp_ns(a.data) if a.role in (JOINT_STATES, OUTCOME) else -1 for a in arrivals]
+    stamps = [_stamp_ns(a) if a.role in (JOINT_STATES, OUTCOME) else -1 for a in arrivals]
     now_ns = next((stamp for stamp in stamps if stamp >= 0), 0)
     times = []
     for stamp in stamps:
         now_ns = max(now_ns, stamp)
         times.append(now_ns)
     return times
+
+
+def _stamp_ns(arrival: Arrival) -> int:
+    try:
+        return read_stamp_ns(arrival.data)
+    except ValueError:
+        return -1
 
 
 def _label_of(arrival: Arrival) -> StrategyLabel | None:

@@ -15,7 +15,7 @@ _BESIDE = (
     TopicFacts("training/progress", "diagnostic_msgs/msg/DiagnosticArray", 100),
     TopicFacts("scene", "visualization_msgs/msg/MarkerArray", 1),
     TopicFacts("/tf", "tf2_msgs/msg/TFMessage", 1000),
-    TopicFacts("/clock", "rosgraph_msgs/msg/Clock", 1),
+    TopicFacts("clock", "rosgraph_msgs/msg/Clock", 1),
     TopicFacts("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10),
 )
 
@@ -39,7 +39,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "training/progress": "trainer",
         "scene": "simulator → RViz, Foxglove",
         "/tf": "simulator → RViz, Foxglove (where tf2_msgs is installed)",
-        "/clock": "simulator or player → all",
+        "clock": "simulator or player → all; /clock outside a namespace",
         "/diagnostics": "every node, once a second",
     }
 )

@@ -18,6 +18,9 @@ OUTCOME = "rally/outcome"
 ROBOT_DESCRIPTION = "robot_description"
 TF_STATIC = "/tf_static"
 
+STROKE = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)
+"""The topics that tell of a stroke."""
+
 
 @dataclass(frozen=True)
 class TopicFacts:
@@ -101,6 +104,11 @@ class BagMessage(NamedTuple):
     sequence: int = 0
 
 
+def say_topic(role: str, name: str = "NAME") -> str:
+    """How a user says which topic of a bag plays a part: to a node, and to the command `check`."""
+    return f"say which one it is: topics:='[\"{role}:={name}\"]', or --topics {role}:={name} to check"
+
+
 def parse_topic_names(entries: list[str], where: str) -> dict[str, str]:
     """Read overrides such as ``joint_states:=/lab/joint_states``.
 
@@ -159,16 +167,18 @@ def find_topics(types: Mapping[str, str], names: Mapping[str, str], where: str) 
             candidates = [name for name in types if name == root] or [
                 name for name in types if name.endswith(root) and types[name] == facts.type_name
             ]
+        if given is None and role not in STROKE and [types[name] for name in candidates] != [facts.type_name]:
+            continue  # not needed, so that others may use its name as they like
         if len(candidates) > 1:
             raise UserError(
                 f"{where}: {' and '.join(sorted(candidates))} may both be {role}; "
-                f"say which with {role}:={candidates[0]}"
+                f"{say_topic(role, sorted(candidates)[0])}"
             )
         for name in candidates:
             if types[name] != facts.type_name:
                 raise UserError(
                     f"{where}: topic {name} is a {types[name]}, not a {facts.type_name}; "
-                    f"record {role} as the interface says or name another topic"
+                    f"record {role} as the interface says, or {say_topic(role)}"
                 )
             found[role] = name
     return found

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, HORIZON, Episode
+from msrd_ros.contract.joint_states import JointStateTranslator as JointStateTranslator
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
+from msrd_ros.contract.stamps import NANOSECONDS as NANOSECONDS
+from msrd_ros.contract.stamps import ns_to_stamp as ns_to_stamp
+from msrd_ros.contract.stamps import stamp_to_ns as stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
-
-NANOSECONDS = 1_000_000_000
 
 FEED_SPEED_M_S = 2.5
 """A ball on the far half that comes towards the robot faster than this has been fed."""
@@ -29,71 +31,6 @@ RESTING_SPEED_M_S = 0.5
 
 ANOTHER_BALL_M_S = 20.0
 """Samples further apart than a ball can fly are of two balls: the old one is gone, a new one is ready."""
-
-
-def stamp_to_ns(stamp: Any) -> int:
-    """Time of a builtin_interfaces/Time in nanoseconds."""
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
-
-
-def ns_to_stamp(time_ns: int, stamp: Any) -> None:
-    """Write a time in nanoseconds into a builtin_interfaces/Time."""
-    stamp.sec, stamp.nanosec = divmod(int(time_ns), NANOSECONDS)
-
-
-class JointStateTranslator:
-    """Reads sensor_msgs/JointState: the robot's joints by name, in any order, extra joints ignored.
-
-    Parameters
-    ----------
-    robot
-        Whose joints, N of them.
-    where
-        What to blame in errors, for example ``topic joint_states``.
-    """
-
-    def __init__(self, robot: Robot, where: str = "topic joint_states") -> None:
-        self._wanted = robot.joint_names
-        self._robot = robot.name
-        self._where = where
-        self._names: tuple[str, ...] = ()
-        self._order: NDArray[np.intp] = np.arange(0)
-
-    def read(self, message: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Positions (N,) in rad and velocities (N,) in rad/s.
-
-        Raises
-        ------
-        UserError
-            If a joint is missing, a field is too short or a value is not finite; names the joint.
-        """
-        names = tuple(message.name)
-        if names != self._names:
-            self._order = self._find(names)
-            self._names = names
-        return self._take(message.position, "position"), self._take(message.velocity, "velocity")
-
-    def _find(self, names: tuple[str, ...]) -> NDArray[np.intp]:
-        missing = [joint for joint in self._wanted if joint not in names]
-        if missing:
-            raise UserError(
-                f"{self._where}: joint {', '.join(missing)} is missing; publish all of "
-                f"{self._robot} ({self._wanted[0]}..{self._wanted[-1]}) in one message, or say robot:=<yours>"
-            )
-        return np.array([names.index(joint) for joint in self._wanted])
-
-    def _take(self, values: Any, field: str) -> NDArray[np.float64]:
-        array = np.asarray(values, dtype=np.float64)
-        if array.size < len(self._names):
-            raise UserError(
-                f"{self._where}: {array.size} {field} values for {len(self._names)} joints; "
-                f"the driver must fill the field {field} of every joint"
-            )
-        taken = array[self._order]
-        if not np.isfinite(taken).all():
-            joint = self._wanted[int(np.flatnonzero(~np.isfinite(taken))[0])]
-            raise UserError(f"{self._where}: {field} of joint {joint} is not finite; check the driver")
-        return taken
 
 
 def read_ball_position(message: Any, where: str = "topic ball/position") -> NDArray[np.float64]:
@@ -188,8 +125,10 @@ class EpisodeAssembler:
         self._outcome: Outcome | None = None
 
     def add_joint_state(self, message: Any) -> None:
-        """Take a sensor_msgs/JointState."""
-        self.add_joints(stamp_to_ns(message.header.stamp), *self._joints.read(message))
+        """Take a sensor_msgs/JointState; one that does not tell the arm's state is passed over."""
+        sample = self._joints.sample(message)
+        if sample is not None:
+            self.add_joints(stamp_to_ns(message.header.stamp), *sample)
 
     def add_ball_position(self, message: Any) -> None:
         """Take a geometry_msgs/PointStamped."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import read_report
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
 from msrd_ros.reports.film import film_of
@@ -46,8 +46,8 @@ def write_report(out: Path, metrics: dict[str, Any], robot: Robot) -> None:
     robot
         The arm that played.
     """
-    training = json.loads((out / "training" / "training.json").read_text())
-    evaluation = json.loads((out / "evaluation.json").read_text())
+    training = read_report(out / "training" / "training.json")
+    evaluation = read_report(out / "evaluation.json")
     table = Strategies.shipped()
     strategies = [table.of(StrategyLabel.parse(text)) for text in training["labels"]]
     rows, seconds = metrics["labels"], metrics["seconds"]
@@ -285,10 +285,6 @@ def _write_how(report: Report, out: Path, metrics: dict[str, Any]) -> None:
         [[name, f"{value:.0f}"] for name, value in seconds.items()],
         f"Seed {metrics['seed']}, {metrics['iterations']} iterations. All figures are in metrics.json.",
     )
-    report.paragraph("Play it yourself, each line in a terminal of its own:")
+    report.paragraph("Play it yourself:")
     policies = out / "training" / "policies.safetensors"
-    report.code(
-        "python -m msrd_ros simulator --ros-args -p gui:=true -p mode:=real_time\n"
-        f"python -m msrd_ros executor --ros-args -p mode:=real_time -p checkpoint:={policies}\n"
-        "python -m msrd_ros evaluator --ros-args -p balls:=3"
-    )
+    report.code(f"python -m msrd_ros up play checkpoint:={policies} mode:=real_time gui:=true balls:=3")

@@ -5,77 +5,59 @@ Each stage starts its nodes as processes of their own and stops them afterwards.
 
 from __future__ import annotations
 
-import argparse
-import json
 import shutil
-import sys
 import time
-from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msrd_ros.core import formats
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.files import write_text
 from msrd_ros.learning.harness import RESULT_FILE
 from msrd_ros.robots.loading import DEFAULT_ROBOT, load_robot
+from msrd_ros.stack.arguments import Values
+from msrd_ros.stack.console import Console
 from msrd_ros.stack.monitor import Monitor
 from msrd_ros.stack.processes import NodeProcess, own_domain
+from msrd_ros.stack.sets import NodeCall, Part, Stage
+from msrd_ros.stack.stage_run import StageRun
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
-from msrd_ros.table_tennis.strokes.training import POLICIES_FILE
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
 
-@dataclass(frozen=True)
-class DemoConfig:
-    """Size of the demo.
+class Demo:
+    """Runs the stages one after the other.
 
-    Attributes
+    Parameters
     ----------
-    out
-        Folder of bags, policies, logs, metrics and report; what an earlier demo left there is replaced.
-    subjects, recordings
-        Teachers, and kept recordings of each of their six conditions.
-    iterations, balls
-        Training iterations, and balls played per strategy.
-    seed
-        Of the teachers, the training and the evaluation.
-    robot
-        Which arm: a name or a folder, as nodes take it.
+    values
+        The demo's arguments: ``out`` is the folder of bags, policies, logs, metrics and report, in which what
+        an earlier demo left is replaced.
+    stages
+        What is started.
+    console
+        Prints what the node says that a stage is about; all others write to ``logs``.
     """
 
-    out: Path
-    subjects: int = 4
-    recordings: int = 3
-    iterations: int | None = None
-    balls: int = 100
-    seed: int = 0
-    robot: str = DEFAULT_ROBOT
-
-
-class Demo:
-    """Runs the stages one after the other."""
-
-    def __init__(self, config: DemoConfig) -> None:
-        self.config = config
+    def __init__(self, values: Values, stages: tuple[Stage, ...], console: Console) -> None:
+        self._values, self._stages, self._console = values, stages, console
+        self._out = Path(values.text("out"))
+        self._robot = values.text("robot") or DEFAULT_ROBOT
         self._environment = own_domain()
         self._seconds: dict[str, float] = {}
         self._begun_s = time.monotonic()
 
     def run(self) -> dict[str, Any]:
         """All stages; the metrics, which are also written beside the report."""
-        config = self.config
-        _clear(config.out)
-        planned_strokes(load_robot(config.robot))
+        _clear(self._out)
+        planned_strokes(load_robot(self._robot))
+        figures: dict[str, dict[str, str]] = {}
         with Monitor(self._environment) as monitor:
-            self._stage("record", "Teach and record", monitor)
-            recorded = monitor.values("recorder")
-            self._stage("train", "Replay the bags into training", monitor)
-            self._stage("play", "Play every strategy", monitor)
-            played = monitor.values("simulator")
-            self._stage("film", "Film one stroke of each", monitor)
-        evaluation = json.loads((config.out / "evaluation.json").read_text())
-        training = json.loads((config.out / "training" / RESULT_FILE).read_text())
+            for stage in self._stages:
+                self._run(stage, monitor)
+                figures[stage.name] = monitor.values("recorder" if stage.name == "record" else "simulator")
+        recorded, played = figures["record"], figures["play"]
+        evaluation = formats.read_report(self._out / "evaluation.json")
+        training = formats.read_report(self._out / "training" / RESULT_FILE)
         labels = {
             label: {
                 "demonstrations": training["demonstrations"][label],
@@ -95,107 +77,29 @@ class Demo:
                 key: value for key, value in recorded.items() if key.startswith(("kept", "rejected"))
             },
             "strategy_matrix": training["strategy_matrix"],
-            "robot": load_robot(config.robot).name,
-            "seed": config.seed,
-            "subjects": config.subjects,
+            "robot": load_robot(self._robot).name,
+            "seed": self._values["seed"],
+            "subjects": self._values["subjects"],
             "iterations": training["iterations"],
         }
-        write_text(config.out / "metrics.json", json.dumps(metrics, indent=1) + "\n")
+        formats.write_report(self._out / "metrics.json", metrics)
         return metrics
 
-    def _stage(self, name: str, title: str, monitor: Monitor) -> None:
+    def _run(self, stage: Stage, monitor: Monitor) -> None:
         number = len(self._seconds) + 1
-        print(f"\n[{number}/4] {title}", flush=True)
+        print(f"\n[{number}/{len(self._stages)}] {stage.title}", flush=True)
         begun_s = time.monotonic()
         monitor.clear()
-        with ExitStack() as stack:
-            getattr(self, f"_{name}")(stack)
+
+        def start(call: NodeCall) -> NodeProcess:
+            log = self._out / "logs" / f"{number}_{call.executable}.log"
+            output = self._console if call.part is Part.ENDS else log
+            return NodeProcess(call.executable, call.parameters, self._environment, output)
+
+        with StageRun(stage, start, lambda line: self._console.say("up", line)) as run:
+            run.wait()
             monitor.settle()
-        self._seconds[name] = time.monotonic() - begun_s
-
-    def _start(self, stack: ExitStack, name: str, parameters: dict[str, Any]) -> NodeProcess:
-        """Start a node in the background; its log lies in `out`."""
-        log = self.config.out / "logs" / f"{len(self._seconds) + 1}_{name}.log"
-        return stack.enter_context(NodeProcess(name, parameters, self._environment, log))
-
-    def _follow(self, stack: ExitStack, name: str, parameters: dict[str, Any]) -> NodeProcess:
-        """Start the node that the stage is about; it writes to the terminal."""
-        return stack.enter_context(NodeProcess(name, parameters, self._environment, None))
-
-    def _record(self, stack: ExitStack) -> None:
-        config = self.config
-        simulator = self._start(stack, "simulator", {"robot": config.robot, "seed": config.seed})
-        recorder = self._start(stack, "recorder", {"robot": config.robot, "directory": config.out / "bags"})
-        study = {
-            "robot": config.robot,
-            "subjects": config.subjects,
-            "recordings": config.recordings,
-            "seed": config.seed,
-        }
-        self._follow(stack, "demonstrator", study).wait((simulator, recorder))
-
-    def _train(self, stack: ExitStack) -> None:
-        config = self.config
-        parameters: dict[str, Any] = {
-            "robot": config.robot,
-            "source": "played",
-            "wanted": config.subjects * config.recordings,
-            "out": config.out / "training",
-            "idle_start_s": 15.0,
-            "seed": config.seed,
-        }
-        if config.iterations is not None:
-            parameters["iterations"] = config.iterations
-        trainer = self._follow(stack, "trainer", parameters)
-        self._start(
-            stack, "player", {"bags": [config.out / "bags"], "rate": 0.0, "max_messages_per_s": 1500.0}
-        )
-        trainer.wait()
-
-    def _play(self, stack: ExitStack) -> None:
-        config = self.config
-        policies = config.out / "training" / POLICIES_FILE
-        simulator = self._start(stack, "simulator", {"robot": config.robot, "seed": config.seed + 1})
-        executor = self._start(
-            stack,
-            "executor",
-            {
-                "robot": config.robot,
-                "checkpoint": policies,
-                "ready_noise_rad": 0.03,
-                "accept_policy": False,
-                "seed": config.seed,
-            },
-        )
-        evaluation = {
-            "robot": config.robot,
-            "balls": config.balls,
-            "seed": config.seed,
-            "checkpoint": policies,
-            "report": config.out / "evaluation.json",
-        }
-        self._follow(stack, "evaluator", evaluation).wait((simulator, executor))
-
-    def _film(self, stack: ExitStack) -> None:
-        """Record a few played strokes, as anybody would who wants to look at them later."""
-        config = self.config
-        policies = config.out / "training" / POLICIES_FILE
-        simulator = self._start(stack, "simulator", {"robot": config.robot, "seed": config.seed + 2})
-        executor = self._start(
-            stack, "executor", {"robot": config.robot, "checkpoint": policies, "accept_policy": False}
-        )
-        recorder = self._start(
-            stack,
-            "recorder",
-            {
-                "robot": config.robot,
-                "directory": config.out / "played",
-                "subject": "robot",
-                "keep": "all",
-            },
-        )
-        evaluation = {"robot": config.robot, "balls": 2, "seed": config.seed + 1}
-        self._follow(stack, "evaluator", evaluation).wait((simulator, executor, recorder))
+        self._seconds[stage.name] = time.monotonic() - begun_s
 
 
 def _clear(out: Path) -> None:
@@ -207,45 +111,26 @@ def _clear(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"--out {out}: cannot be written ({error.strerror}); give another folder") from None
+        raise UserError(
+            f"demo out:={out}: cannot be written ({error.strerror}); give another folder"
+        ) from None
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the demo; see `--help`."""
-    parser = argparse.ArgumentParser(prog="demo", description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for everything it writes")
-    parser.add_argument("--subjects", type=int, default=DemoConfig.subjects, help="teachers")
-    parser.add_argument("--recordings", type=int, default=DemoConfig.recordings, help="kept per condition")
-    parser.add_argument(
-        "--iterations", type=int, default=None, help="training iterations; default: the trainer's"
-    )
-    parser.add_argument("--balls", type=int, default=DemoConfig.balls, help="balls played per strategy")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--robot", default=DEFAULT_ROBOT, help="name of an arm, or a folder with robot.yaml")
-    words = parser.parse_args(argv)
-    config = DemoConfig(
-        words.out,
-        words.subjects,
-        words.recordings,
-        words.iterations,
-        words.balls,
-        words.seed,
-        words.robot,
-    )
-    try:
-        metrics = Demo(config).run()
-        from msrd_ros.demo.report import write_report
+def run_demo(values: Values, stages: tuple[Stage, ...], console: Console) -> None:
+    """Run the demo, write its report and print its figures.
 
-        write_report(config.out, metrics, load_robot(config.robot))
-    except UserError as error:
-        print(f"demo: error: {error}", file=sys.stderr, flush=True)
-        return 2
-    except KeyboardInterrupt:
-        print("demo: stopped", file=sys.stderr, flush=True)
-        return 130
+    Raises
+    ------
+    UserError
+        If a node fails, or the folder cannot be written.
+    """
+    metrics = Demo(values, stages, console).run()
+    from msrd_ros.demo.report import write_report
+
+    out = Path(values.text("out"))
+    write_report(out, metrics, load_robot(values.text("robot") or DEFAULT_ROBOT))
     print(_summary(metrics), flush=True)
-    print(f"\nreport: {config.out / 'report.html'}", flush=True)
-    return 0
+    print(f"\nreport: {out / 'report.html'}", flush=True)
 
 
 def _summary(metrics: dict[str, Any]) -> str:

@@ -18,6 +18,7 @@ from safetensors.torch import save as save_tensors
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_atomically
+from msrd_ros.core.formats import renamed
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.method import Learner
 from msrd_ros.learning.policies import GaussianPolicies, Policies
@@ -105,7 +106,7 @@ def load_checkpoint(path: Path, trainer: Learner) -> None:
     try:
         layout, details = Layout.from_dict(header["layout"]), header["details"]
         layout.require(trainer.layout, str(path))
-        tree, config = details["trainer"], _in_present_names(details["config"])
+        tree, config = details["trainer"], renamed(details["config"], _RENAMED)
         everything = load_tensors(data)
     except (KeyError, TypeError, SafetensorError) as error:
         raise UserError(f"{path}: not a training checkpoint ({error}); start anew or use another") from None
@@ -122,17 +123,10 @@ def load_checkpoint(path: Path, trainer: Learner) -> None:
     start = len(TRAINER_PREFIX)
     own = {name[start:]: value for name, value in everything.items() if name.startswith(TRAINER_PREFIX)}
     try:
-        trainer.load_state_dict(_in_present_names(_attach_tensors(tree, own)))
+        trainer.load_state_dict(renamed(_attach_tensors(tree, own), _RENAMED))
     except (KeyError, RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: damaged checkpoint ({reason}); start anew or use another") from None
-
-
-def _in_present_names(node: Any) -> Any:
-    """Settings or state of an earlier version, under the names that they have now."""
-    if isinstance(node, dict):
-        return {_RENAMED.get(key, key): _in_present_names(value) for key, value in node.items()}
-    return node
 
 
 def _detach_tensors(node: Any, tensors: dict[str, torch.Tensor]) -> Any:

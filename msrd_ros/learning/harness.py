@@ -6,7 +6,6 @@ their curve, checkpoints and exact resuming, a progress bar, stopping on request
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections.abc import Iterator
@@ -19,7 +18,7 @@ import numpy as np
 from tqdm import tqdm
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.files import write_text
+from msrd_ros.core.formats import read_report, write_report
 from msrd_ros.learning.checkpoints import load_checkpoint, save_checkpoint
 from msrd_ros.learning.method import Learner
 
@@ -166,7 +165,7 @@ class Harness:
         load_checkpoint(out / CHECKPOINT_FILE, self.learner)
         result = out / RESULT_FILE
         if result.is_file():
-            self.curve = json.loads(result.read_text())["curve"]
+            self.curve = read_report(result).get("curve", [])
         return self.iteration
 
     def run(self) -> None:
@@ -223,7 +222,7 @@ class Harness:
             "iterations": self.iteration,
             "curve": self.curve,
         }
-        write_text(out / RESULT_FILE, json.dumps(result, indent=1) + "\n")
+        write_report(out / RESULT_FILE, result)
 
     @contextmanager
     def _timed(self) -> Iterator[None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -33,12 +34,12 @@ class Layout:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Layout:
-        """Inverse of `to_dict`; KeyError or TypeError if something is missing."""
+        """Inverse of `to_dict`; KeyError, TypeError or ValueError if something is missing or malformed."""
+        period_s = float(data["control_period_s"])
+        if not 0.0 < period_s < math.inf:
+            raise ValueError(f"a control period of {period_s} s")
         return cls(
-            tuple(data["observation_names"]),
-            tuple(data["action_names"]),
-            tuple(data["labels"]),
-            float(data["control_period_s"]),
+            _names(data, "observation_names"), _names(data, "action_names"), _names(data, "labels"), period_s
         )
 
     def require(self, wanted: Layout, where: str) -> None:
@@ -64,6 +65,13 @@ class Layout:
             differences.append(f"no strategy {', '.join(missing)} (it has {', '.join(self.labels)})")
         if differences:
             raise UserError(f"{where}: does not fit: {'; '.join(differences)}; train for this layout")
+
+
+def _names(data: dict[str, Any], field: str) -> tuple[str, ...]:
+    names = data[field]
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"{field} is no list of names")
+    return tuple(names)
 
 
 def _column_differences(kind: str, found: tuple[str, ...], wanted: tuple[str, ...]) -> list[str]:

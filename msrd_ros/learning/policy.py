@@ -20,6 +20,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import require_format
 from msrd_ros.learning.layout import Layout
 
 FORMAT_VERSION = 1
@@ -133,10 +134,13 @@ class PolicySet:
         try:
             everything = load_tensors(data)
             layout = Layout.from_dict(header["layout"])
+            details = header.get("details", {})
+            if not isinstance(details, dict):
+                raise TypeError("its details are no mapping")
         except (SafetensorError, KeyError, TypeError, ValueError) as error:
             raise UserError(f"{where}: damaged checkpoint ({error}); use another one") from None
         found = {name[len(PREFIX) :]: value for name, value in everything.items() if name.startswith(PREFIX)}
-        policies = cls(layout, found, header.get("details", {}))
+        policies = cls(layout, found, details)
         if policies.digest != header.get("digest"):
             raise UserError(f"{where}: the policies do not match their digest; the file was altered")
         _check_shapes(policies, where)
@@ -153,25 +157,62 @@ class PolicySet:
 
 def _check_shapes(policies: PolicySet, where: str) -> None:
     """Refuse a policy file whose tensors cannot be played."""
-    tensors, layout = policies.tensors, policies.layout
-    problem = ""
-    layers = sum(name.startswith("weight/") for name in tensors)
-    needed = {"log_std", "indices", "offset", "scale"}
-    needed |= {f"{kind}/{layer}" for kind in ("weight", "bias") for layer in range(max(layers, 1))}
-    if needed - set(tensors):
-        problem = f"tensor {min(needed - set(tensors))} is missing"
-    elif not all(np.isfinite(value).all() for value in tensors.values()):
-        problem = "a weight is not a finite number"
-    elif tensors["weight/0"].shape[0] != len(layout.labels):
-        problem = f"{tensors['weight/0'].shape[0]} policies for {len(layout.labels)} labels"
-    elif tensors[f"weight/{layers - 1}"].shape[2] != len(layout.action_names):
-        problem = "the last layer does not give one output per action"
-    elif tensors["indices"].shape[0] != tensors["weight/0"].shape[1] or (
-        tensors["indices"].size and int(tensors["indices"].max()) >= len(layout.observation_names)
-    ):
-        problem = "the first layer does not go with the observation"
+    problem = _missing(policies) or _misshapen(policies) or _unusable(policies)
     if problem:
         raise UserError(f"{where}: damaged checkpoint ({problem}); use another one")
+
+
+def _missing(policies: PolicySet) -> str:
+    layers = max(_layers(policies), 1)
+    needed = {"log_std", "indices", "offset", "scale"}
+    needed |= {f"{kind}/{layer}" for kind in ("weight", "bias") for layer in range(layers)}
+    absent = needed - set(policies.tensors)
+    return f"tensor {min(absent)} is missing" if absent else ""
+
+
+def _misshapen(policies: PolicySet) -> str:
+    tensors, layout = policies.tensors, policies.layout
+    count, seen = len(layout.labels), tensors["indices"].size
+    weights = [tensors[f"weight/{layer}"] for layer in range(_layers(policies))]
+    if any(weight.ndim != 3 for weight in weights):
+        return "a weight is no stack of matrices"
+    if weights[0].shape[0] != count:
+        return f"{weights[0].shape[0]} policies for {count} labels"
+    if weights[0].shape[1] != seen:
+        return "the first layer does not go with the observation"
+    if weights[-1].shape[2] != len(layout.action_names):
+        return "the last layer does not give one output per action"
+    wanted: dict[str, tuple[int, ...]] = {
+        "log_std": (count, 1, len(layout.action_names)),
+        "indices": (seen,),
+        "offset": (seen,),
+        "scale": (seen,),
+    }
+    width = seen
+    for layer, weight in enumerate(weights):
+        wanted[f"weight/{layer}"] = (count, width, weight.shape[2])
+        width = weight.shape[2]
+        wanted[f"bias/{layer}"] = (count, 1, width)
+    for name, shape in wanted.items():
+        if tensors[name].shape != shape:
+            return f"tensor {name} has the shape {tensors[name].shape}, not {shape}"
+    return ""
+
+
+def _unusable(policies: PolicySet) -> str:
+    tensors = policies.tensors
+    if not all(np.isfinite(value).all() for value in tensors.values()):
+        return "a weight is not a finite number"
+    indices, columns = tensors["indices"], len(policies.layout.observation_names)
+    if indices.dtype.kind != "i" or (indices.size and not 0 <= indices.min() <= indices.max() < columns):
+        return "the first layer does not go with the observation"
+    if not tensors["scale"].all():
+        return "a column is scaled by zero"
+    return ""
+
+
+def _layers(policies: PolicySet) -> int:
+    return sum(name.startswith("weight/") for name in policies.tensors)
 
 
 def tensor_digest(tensors: dict[str, NDArray[Any]]) -> str:
@@ -196,7 +237,7 @@ def read_header(data: bytes, where: str) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If `data` is no checkpoint of this package or of another format version.
+        If `data` is no checkpoint of this package, or of a newer format.
     """
     try:
         length = int.from_bytes(data[:8], "little")
@@ -205,8 +246,7 @@ def read_header(data: bytes, where: str) -> dict[str, Any]:
         header = json.loads(data[8 : 8 + length])
         content: dict[str, Any] = json.loads(header["__metadata__"][HEADER_KEY])
         version = content["format"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise UserError(f"{where}: not a checkpoint of msrd_ros; give one that the trainer wrote") from None
-    if version != FORMAT_VERSION:
-        raise UserError(f"{where}: checkpoint format {version}, this version reads {FORMAT_VERSION}; retrain")
+    require_format(version, FORMAT_VERSION, where)
     return content

@@ -6,7 +6,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from msrd_ros.nodes.common import steady_timer
+
+ADAPT_PERIOD_S = 0.25
 
 
 class Received(NamedTuple):
@@ -53,6 +57,8 @@ class LossCounter:
 class AdaptiveSubscription:
     """A subscription that is made again when publishers offer less, or more, than it asks for.
 
+    Volatile: what was sent before it was there would be history. For latched topics see `latched`.
+
     Parameters
     ----------
     node
@@ -86,8 +92,6 @@ class AdaptiveSubscription:
         self._told = False
         self.publishers = 0
         self.reliable = profile.reliability == ReliabilityPolicy.RELIABLE
-        self._wants_latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self.latched = self._wants_latched
         self._subscription = self._subscribe()
 
     @property
@@ -111,30 +115,23 @@ class AdaptiveSubscription:
         self.publishers = len(infos)
         if not infos:
             return
-        reliable = [info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in infos]
-        latched = [info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in infos]
-        self._warn_of_mixture(reliable, latched)
-        # What was sent before is only wanted of latched topics; of states it would be history.
-        asked = all(reliable), self._wants_latched and all(latched)
-        if asked != (self.reliable, self.latched):
-            self.reliable, self.latched = asked
+        offered = {info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in infos}
+        if len(offered) > 1 and not self._told:
+            self._told = True
+            self._node.get_logger().warning(
+                f"topic {self._subscription.topic_name}: its {len(infos)} publishers offer different "
+                f"qualities of service; messages may be lost, so let one of them publish it"
+            )
+        if all(offered) != self.reliable:
+            self.reliable = all(offered)
             self._node.destroy_subscription(self._subscription)
             self._counter.forget()
             self._subscription = self._subscribe()
-
-    def _warn_of_mixture(self, reliable: list[bool], latched: list[bool]) -> None:
-        if (len(set(reliable)) > 1 or len(set(latched)) > 1) and not self._told:
-            self._told = True
-            self._node.get_logger().warning(
-                f"topic {self._subscription.topic_name}: its {len(reliable)} publishers offer different "
-                f"qualities of service; messages may be lost, so let one of them publish it"
-            )
 
     def _subscribe(self) -> Any:
         profile = QoSProfile(
             depth=self._depth,
             reliability=ReliabilityPolicy.RELIABLE if self.reliable else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if self.latched else DurabilityPolicy.VOLATILE,
         )
         # rclpy's annotation knows only callbacks without the message's info.
         take: Any = self._take
@@ -146,3 +143,14 @@ class AdaptiveSubscription:
         lost = self._counter.add(sequence) if sequence and self.publishers <= 1 else 0
         received_ns = info["received_timestamp"] or info["source_timestamp"]
         self._callback(Received(message, received_ns, info["source_timestamp"], sequence, lost))
+
+
+def hear(
+    node: Node, message_type: Any, topic: str, callback: Callable[[Any], None], profile: QoSProfile
+) -> AdaptiveSubscription:
+    """Subscribe for as long as the node lives, whatever is offered; `callback` takes the messages."""
+    subscription = AdaptiveSubscription(
+        node, message_type, topic, profile, lambda received: callback(received.message)
+    )
+    steady_timer(node, ADAPT_PERIOD_S, subscription.adapt)
+    return subscription

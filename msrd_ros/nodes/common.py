@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import re
 import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import (
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-    ParameterUninitializedException,
-)
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,11 +24,14 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import ok, try_shutdown
 
+from msrd_ros.core.discovery import stay_on_this_machine
 from msrd_ros.core.errors import UserError
-from msrd_ros.core.parameters import ParameterFacts, parameter
+from msrd_ros.core.parameters import parameter
+from msrd_ros.nodes.given_files import given_files, require_section
+from msrd_ros.nodes.node_parameters import is_own, read_change, read_parameters
+from msrd_ros.nodes.parameter_files import NODES
+from msrd_ros.nodes.waiting import Waiting
 from msrd_ros.robots.loading import DEFAULT_ROBOT
-
-Config = TypeVar("Config")
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
@@ -56,7 +55,6 @@ STATE = _reliable(1000)
 COMPLAINT_PERIOD_S = 1.0
 MOST_COMPLAINTS = 100
 SHUTDOWN_S = 0.5
-_OWN_PARAMETERS = ("use_sim_time", "start_type_description_service")
 
 
 class Finished(Exception):  # noqa: N818 - an end, not an error
@@ -76,106 +74,6 @@ class Finished(Exception):  # noqa: N818 - an end, not an error
 def robot_parameter() -> Any:
     """The parameter `robot` of every node that has to do with joints."""
     return parameter(DEFAULT_ROBOT, "The arm: a name below config/robots, or a folder with its robot.yaml")
-
-
-def _descriptor(facts: ParameterFacts, default: object) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=facts.text)
-    if facts.low is None and facts.high is None:
-        return descriptor
-    if isinstance(default, int) and not isinstance(default, bool):
-        low = -(2**63) if facts.low is None else int(facts.low)
-        high = 2**63 - 1 if facts.high is None else int(facts.high)
-        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
-    else:
-        low_f = -1.7e308 if facts.low is None else float(facts.low)
-        high_f = 1.7e308 if facts.high is None else float(facts.high)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low_f, to_value=high_f, step=0.0)]
-    return descriptor
-
-
-def _parameter_type(default: object) -> Parameter.Type:
-    if isinstance(default, list) and not default:
-        return Parameter.Type.STRING_ARRAY
-    kind: Parameter.Type = Parameter.Type.from_parameter_value(default)
-    return kind
-
-
-def read_parameters(node: Node, config_type: type[Config]) -> Config:
-    """Declare every field of a dataclass as a parameter of `node` and fill the dataclass from them.
-
-    Raises
-    ------
-    UserError
-        If a parameter has the wrong type, lies out of its range or does not exist; names it.
-    """
-    values: dict[str, Any] = {}
-    name = node.get_name()
-    for field in dataclasses.fields(config_type):  # type: ignore[arg-type]
-        facts: ParameterFacts = field.metadata["parameter"]
-        default = _default_of(field)
-        descriptor = _descriptor(facts, default)
-        descriptor.type = _parameter_type(default).value
-        _take_former_name(node, field.name, facts.former)
-        _widen_integer_override(node, field.name, default)
-        try:
-            value = node.declare_parameter(field.name, default or _typed_empty(default), descriptor).value
-        except InvalidParameterTypeException:
-            given = node._parameter_overrides[field.name].value
-            raise UserError(
-                f"parameter {field.name} of {name}: {given!r} has the wrong type; give "
-                f"{_parameter_type(default).name.lower().replace('_', ' ')}, such as {default!r}"
-            ) from None
-        except (InvalidParameterValueException, ParameterUninitializedException):
-            given = node._parameter_overrides[field.name].value
-            raise UserError(
-                f"parameter {field.name} of {name}: {given!r} is out of range; "
-                f"give a value from {facts.low} to {facts.high} {facts.unit}".rstrip()
-            ) from None
-        if facts.choices and value not in facts.choices:
-            raise UserError(
-                f"parameter {field.name} of {name}: {value!r} is unknown; "
-                f"use one of {', '.join(facts.choices)}"
-            )
-        values[field.name] = list(value or []) if isinstance(default, list) else value
-    _refuse_unknown(node, values)
-    return config_type(**values)
-
-
-def _default_of(field: dataclasses.Field[Any]) -> Any:
-    if field.default is not dataclasses.MISSING:
-        return field.default
-    assert field.default_factory is not dataclasses.MISSING
-    return field.default_factory()
-
-
-def _typed_empty(default: Any) -> Any:
-    # An empty list has no type that rclpy could infer; the descriptor's type says what it is.
-    return Parameter.Type.STRING_ARRAY if default == [] else default
-
-
-def _take_former_name(node: Node, name: str, former: str) -> None:
-    """Let a parameter be given by the name that it had in earlier versions."""
-    override = node._parameter_overrides.pop(former, None)
-    if override is None:
-        return
-    node.get_logger().warning(f"parameter {former} of {node.get_name()} is called {name} now; say {name}")
-    if name not in node._parameter_overrides:
-        node._parameter_overrides[name] = Parameter(name, override.type_, override.value)
-
-
-def _widen_integer_override(node: Node, name: str, default: object) -> None:
-    """Let `2` stand for `2.0`: YAML and command lines write whole numbers without a point."""
-    override = node._parameter_overrides.get(name)
-    if override is not None and isinstance(default, float) and override.type_ == Parameter.Type.INTEGER:
-        node._parameter_overrides[name] = Parameter(name, Parameter.Type.DOUBLE, float(override.value))
-
-
-def _refuse_unknown(node: Node, known: Mapping[str, object]) -> None:
-    for name in node._parameter_overrides:
-        if name not in known and name not in _OWN_PARAMETERS and not name.startswith("qos_overrides"):
-            raise UserError(
-                f"parameter {name} is unknown to {node.get_name()}; it has {', '.join(sorted(known))}"
-            )
 
 
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Any:
@@ -217,12 +115,25 @@ def referee_hears(node: Node, feed: Publisher) -> bool:
 
 
 class StackNode(Node):
-    """A node with parameters from a dataclass and a line in /diagnostics once a second."""
+    """A node with parameters from a dataclass and a line in /diagnostics once a second.
+
+    Attributes
+    ----------
+    config
+        Its parameters as they are now: those that are live change while it runs.
+    """
+
+    command_line: ClassVar[tuple[str, ...]] = ()
+    """Words that the process was started with."""
 
     def __init__(self, name: str, config_type: type[Any], **options: Any) -> None:
         super().__init__(name, **options)
+        self._look_into_given_files()
         self.config = read_parameters(self, config_type)
+        self._hooks: dict[str, Callable[[], None]] = {}
         self._complained_s: dict[str, float] = {}
+        domain = self.context.get_domain_id()
+        self._waiting = Waiting(lambda line: self.get_logger().info(f"{line} (on domain {domain})"))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady_timer(self, 1.0, self.publish_diagnostics)
 
@@ -230,10 +141,18 @@ class StackNode(Node):
         """One line on how the node is doing, and its figures. Nodes override this."""
         return "running", {}
 
+    def waits_for(self) -> list[str]:
+        """What keeps the node from its work, each with what to do about it. Nodes override this."""
+        return []
+
     def publish_diagnostics(self) -> None:
-        """Say how the node is doing, now."""
+        """Say how the node is doing and what it waits for, now."""
         message, values = self.diagnose()
-        array = DiagnosticArray(status=[status(self.get_name(), message, values)])
+        self._waiting.update(self.waits_for())
+        waited = self._waiting.figures()
+        level = DiagnosticStatus.WARN if waited else DiagnosticStatus.OK
+        name = self.get_fully_qualified_name()
+        array = DiagnosticArray(status=[status(name, message, {**values, **waited}, level)])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
@@ -249,22 +168,46 @@ class StackNode(Node):
         self._complained_s[kind] = now_s
         self.get_logger().error(str(error))
 
-    def on_change(self, names: tuple[str, ...], apply: Callable[[str, Any], None]) -> None:
-        """Let `apply` take changes of the named parameters while running; all others are refused."""
+    # -- parameters ----------------------------------------------------------------------------
 
-        def accept(parameters: list[Parameter]) -> SetParametersResult:
-            for item in parameters:
-                if item.name not in names:
-                    return SetParametersResult(
-                        successful=False, reason=f"{item.name} can only be set when the node starts"
-                    )
-                try:
-                    apply(item.name, item.value)
-                except UserError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
-            return SetParametersResult(successful=True)
+    def on_change(self, hook: Callable[[], None], *names: str) -> None:
+        """Have `hook` called after any of these live parameters has changed; `config` has it by then.
 
-        self.add_on_set_parameters_callback(accept)
+        What looks its parameter up in `config` whenever it is needed does without a hook.
+        """
+        self._hooks.update(dict.fromkeys(names, hook))
+
+    def change(self, name: str, value: object) -> None:
+        """Set a live parameter from within, as if it had been set from outside.
+
+        Raises
+        ------
+        UserError
+            If the value is not allowed.
+        """
+        result = self.set_parameters_atomically([Parameter(name, value=value)])
+        if not result.successful:
+            raise UserError(result.reason)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set live parameters, all of them or none, and let them take effect; rclpy calls this, too."""
+        try:
+            wanted = read_change(self, type(self.config), parameter_list)
+        except UserError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        result = super().set_parameters_atomically(wanted)
+        if result.successful:
+            changes = {item.name: item.value for item in wanted if not is_own(item.name)}
+            self.config = dataclasses.replace(self.config, **changes)
+            for hook in dict.fromkeys(self._hooks[name] for name in changes if name in self._hooks):
+                hook()
+        return result
+
+    def _look_into_given_files(self) -> None:
+        for file in given_files(self.command_line):
+            passed_over = require_section(file, self.get_fully_qualified_name(), NODES)
+            if passed_over:
+                self.get_logger().warning(passed_over)
 
 
 def run(
@@ -293,10 +236,12 @@ def run(
     code = 0
     try:
         _answer_help(name, arguments, description)
+        stay_on_this_machine(os.environ)
         try:
             rclpy.init(args=[name, *arguments])
         except Exception as error:  # rclpy raises RCLError and UnknownROSArgsError for unusable arguments
             raise UserError(f"command line: {str(error).splitlines()[0]}; see --help") from None
+        StackNode.command_line = tuple(arguments)
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)

@@ -78,6 +78,7 @@ class DemonstratorConfig:
 
 VERDICT_PATIENCE_S = 10.0
 """A stroke on which the recorder gives no verdict for so long is repeated."""
+MOST_TAKEOVERS = 3
 
 
 class Stage(Enum):
@@ -123,6 +124,8 @@ class Demonstrator(StackNode):
         self.create_subscription(DiagnosticArray, "recorder/verdict", self._on_verdict, EVENT)
         self._inputs = TickInputs(self, self._robot, True, self._act, self._repeat, self.complain)
         self._teach = self.create_client(SetBool, "simulator/teach")
+        self._reset = self.create_client(Trigger, "simulator/reset")
+        self._takeovers = 0
         self._discard = self.create_client(Trigger, f"{config.recorder or 'recorder'}/discard")
         self._recorder = AsyncParameterClient(self, config.recorder or "recorder")
         _, wanted = self._session.progress
@@ -145,6 +148,17 @@ class Demonstrator(StackNode):
         if trial is not None:
             values |= {"subject": self._name(trial), "strategy": trial.label, "attempt": trial.attempt}
         return self._stage.value, values
+
+    def waits_for(self) -> list[str]:
+        """Who is not there yet, or whose answer is due for longer than an answer takes."""
+        missing = []
+        if not self._teach.service_is_ready():
+            missing.append("service simulator/teach: start a simulator")
+        if self.config.recorder and not self._recorder.services_are_ready():
+            missing.append(f"a recorder called {self.config.recorder}: start it, or say recorder:=''")
+        if not missing and time.monotonic() - self._since_s > VERDICT_PATIENCE_S:
+            missing.append(f"progress: {self._stage.value}; look after simulator and recorder")
+        return missing
 
     def _name(self, trial: Trial) -> str:
         return subject_name(self.config.first_subject + trial.subject)
@@ -307,14 +321,22 @@ class Demonstrator(StackNode):
     # -- what comes in -------------------------------------------------------------------------
 
     def _on_outcome(self, message: DiagnosticArray) -> None:
-        if self._stage is Stage.SHOWING:
+        if self._stage is not Stage.SHOWING:
+            return
+        try:
             _, self._outcome = read_outcome(message)
-            self._judge()
+        except UserError as error:
+            self.complain(error)
+            return
+        self._judge()
 
     def _on_verdict(self, message: DiagnosticArray) -> None:
         for item in message.status:
             values = {pair.key: pair.value for pair in item.values}
-            self._verdicts[int(values["ball_id"])] = values["kept"] == "true", values["reason"]
+            try:
+                self._verdicts[int(values["ball_id"])] = values["kept"] == "true", values["reason"]
+            except (KeyError, ValueError):
+                self.complain(UserError("topic recorder/verdict: a verdict is malformed; it is passed over"))
         if self._stage is Stage.JUDGING:
             self._judge()
 
@@ -322,13 +344,26 @@ class Demonstrator(StackNode):
         def answered(future: Future) -> None:
             response = future.result()
             if not response.success:
-                raise UserError(f"simulator/teach: {response.message}")
+                self._take_over(response.message, lambda: self._call_teach(teaching, then))
+                return
+            self._takeovers = 0
             self._last = None
             then()
             # The world has stood still since the last tick; it is answered in the new mode.
             self._inputs.act_again()
 
         self._teach.call_async(SetBool.Request(data=teaching)).add_done_callback(answered)
+
+    def _take_over(self, reason: str, then: Callable[[], None]) -> None:
+        """Call off a ball that somebody else has left in play, perhaps this node before it was interrupted.
+
+        In lockstep it never comes down by itself: nobody answers the ticks.
+        """
+        self._takeovers += 1
+        if self._takeovers > MOST_TAKEOVERS:
+            raise UserError(f"simulator/teach: {reason}; see who feeds balls, then start anew")
+        self.get_logger().warning(f"simulator/teach: {reason}; the simulator is reset, the ball called off")
+        self._reset.call_async(Trigger.Request()).add_done_callback(lambda _: then())
 
     def _enter(self, stage: Stage) -> None:
         self._stage = stage

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +16,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
-from msrd_ros.contract.translation import read_outcome
+from msrd_ros.contract.translation import read_outcome, stamp_to_ns
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import write_report
 from msrd_ros.core.parameters import parameter
+from msrd_ros.nodes.adaptive import hear
 from msrd_ros.nodes.common import (
     COMMAND,
     EVENT,
@@ -32,6 +33,8 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
+from msrd_ros.nodes.sources import FORGET_S
+from msrd_ros.nodes.speakers import Speakers
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
 from msrd_ros.table_tennis.strategies.table import (
@@ -65,6 +68,10 @@ class EvaluatorConfig:
     )
 
 
+PATIENCE_S = 5.0
+"""A stroke with all its ways takes less."""
+
+
 class Evaluator(StackNode):
     """One ball after the other: strategy, feed, outcome."""
 
@@ -85,8 +92,11 @@ class Evaluator(StackNode):
         self._begun_s = self._commanded_s = time.monotonic()
         self._strategy = self.create_publisher(Header, "strategy", LATCHED)
         self._feed = self.create_publisher(Odometry, "feed", EVENT)
-        self.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
-        self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
+        hear(self, DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
+        hear(self, JointTrajectory, "joint_command", self._on_command, COMMAND)
+        self._speakers = Speakers(self)
+        self._doubtful_since_s: float | None = None
+        self._outcome_ns = 0
         self._progress = tqdm(total=len(self._balls), unit="ball", desc="evaluate", smoothing=0.05)
         steady_timer(self, 0.5, self._watch)
         self._ask()
@@ -99,6 +109,16 @@ class Evaluator(StackNode):
         """How many balls are fed and returned."""
         returned = sum(outcome.returned for outcomes in self._outcomes.values() for outcome in outcomes)
         return "playing", {"balls": self._index, "of": len(self._balls), "returned": returned}
+
+    def waits_for(self) -> list[str]:
+        """Whose answer is due for longer than an answer takes."""
+        if time.monotonic() - self._since_s < PATIENCE_S:
+            return []
+        if self._waiting_for == "outcome":
+            return ["rally/outcome of the ball that was fed: look after simulator and executor"]
+        if not self.count_publishers("rally/outcome"):
+            return ["rally/outcome: start a simulator"]
+        return [f"a joint_command for {self._label}: start an executor with policies for it"]
 
     def _read_facts(self) -> Mapping[StrategyLabel, StrokeFacts]:
         """What the checkpoint tells of its strategies; nothing without one."""
@@ -136,6 +156,8 @@ class Evaluator(StackNode):
         if not self._connected:
             self._connected = referee_hears(self, self._feed)
             return
+        if not self._measures_one():
+            return
         feed = Feeder().sample(self._side(self._label), SPREADS[self.config.spread], self._rng)
         self._feed.publish(feed_to_message(feed))
         self._waiting_for, self._since_s = "outcome", time.monotonic()
@@ -143,7 +165,18 @@ class Evaluator(StackNode):
     def _on_outcome(self, message: DiagnosticArray) -> None:
         if self._waiting_for != "outcome":
             return
-        label, outcome = read_outcome(message)
+        try:
+            label, outcome = read_outcome(message)
+        except UserError as error:
+            self.complain(error)
+            return
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        if stamp_ns < self._outcome_ns:
+            raise UserError(
+                "time went back: the simulator was started again, and nothing is reported of two worlds; "
+                "start the evaluator anew"
+            )
+        self._outcome_ns = stamp_ns
         if label != self._label:
             return
         self._outcomes[self._label].append(outcome)
@@ -153,9 +186,35 @@ class Evaluator(StackNode):
         self._progress.set_postfix_str(f"{label} {sum(o.returned for o in row)}/{len(row)} returned")
         if self._index == len(self._balls):
             self._finish()
-        self._ask()
+        else:
+            self._ask()
+
+    def _measures_one(self) -> bool:
+        """Whether one simulator alone tells what became of a ball; a killed one is waited out.
+
+        Raises
+        ------
+        UserError
+            If two are alive; names them.
+        """
+        if len(self._speakers.publishers("rally/outcome")) < 2:
+            self._doubtful_since_s = None
+            return True
+        several = self._speakers.side_by_side("rally/outcome")
+        if several:
+            raise UserError(
+                f"{len(several)} nodes decide rallies on {self.resolve_topic_name('rally/outcome')} "
+                f"({', '.join(several)}); nothing is measured of two worlds at once: end all but one"
+            )
+        now_s = time.monotonic()
+        if self._doubtful_since_s is None:
+            self._doubtful_since_s = now_s
+        return now_s - self._doubtful_since_s > 2 * FORGET_S
 
     def _watch(self) -> None:
+        if self._waiting_for == "report":
+            self._finish()
+        self._measures_one()
         if time.monotonic() - self._since_s < self.config.timeout_s:
             return
         if self._waiting_for == "outcome":
@@ -183,6 +242,9 @@ class Evaluator(StackNode):
         return int(self.context.get_domain_id())
 
     def _finish(self) -> None:
+        if not self._measures_one():
+            self._waiting_for, self._since_s = "report", time.monotonic()
+            return
         self._progress.close()
         rates = {
             str(label): LabelRates.of(
@@ -202,8 +264,7 @@ class Evaluator(StackNode):
                 "labels": {label: row.to_json() for label, row in rates.items()},
             }
             path = Path(self.config.report).expanduser()
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
+            write_report(path, report)
             print(f"written to {path}", flush=True)
         raise Finished(0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import NANOSECONDS, RALLY_STATUS
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import status
+from msrd_ros.robots.command_gate import Waypoint, command_points
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feed
@@ -77,20 +79,30 @@ class Command(NamedTuple):
 def command_to_message(
     robot: Robot, reference: JointReference, label: StrategyLabel | None, stamp: Any, period_s: float
 ) -> JointTrajectory:
-    """A commanded state, reached `period_s` after `stamp`."""
-    point = JointTrajectoryPoint(
-        positions=reference.position.tolist(),
-        velocities=reference.velocity.tolist(),
-        time_from_start=_duration(period_s),
-    )
-    message = JointTrajectory(joint_names=list(robot.joint_names), points=[point])
+    """A state, reached `period_s` after `stamp`, and how the arm comes to rest if nothing follows."""
+    return points_to_message(robot, command_points(robot, reference, period_s), label, stamp)
+
+
+def points_to_message(
+    robot: Robot, points: Sequence[Waypoint], label: StrategyLabel | None, stamp: Any
+) -> JointTrajectory:
+    """A command as ros2_control's joint_trajectory_controller takes it: rising times, at rest in the end."""
+    message = JointTrajectory(joint_names=list(robot.joint_names))
+    message.points = [
+        JointTrajectoryPoint(
+            positions=point.position.tolist(),
+            velocities=point.velocity.tolist(),
+            time_from_start=_duration(point.time_s),
+        )
+        for point in points
+    ]
     message.header.stamp = stamp
     message.header.frame_id = str(label or "")
     return message
 
 
 def command_from_message(robot: Robot, message: JointTrajectory) -> Command:
-    """Read a joint_command for an arm.
+    """Read a joint_command for an arm: its first point; the others tell how it would come to rest.
 
     Raises
     ------
@@ -98,8 +110,8 @@ def command_from_message(robot: Robot, message: JointTrajectory) -> Command:
         If a joint is missing, a number is not finite, or it is beyond a joint's limits; names the joint.
     """
     where = "topic joint_command"
-    if len(message.points) != 1:
-        raise UserError(f"{where}: {len(message.points)} points; send one point per control period")
+    if not message.points:
+        raise UserError(f"{where}: 0 points; send where the joints shall be after a control period")
     point = message.points[0]
     names = list(message.joint_names)
     missing = [joint for joint in robot.joint_names if joint not in names]

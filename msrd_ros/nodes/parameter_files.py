@@ -32,7 +32,8 @@ def parameter_file(node: str) -> str:
     lines = [
         f"# Parameters of `{node}`, all at their defaults. Copy what you change, and start it with",
         f"#   ros2 run msrd_ros {node} --ros-args --params-file FILE",
-        f"{node}:",
+        f"# /** is for a node of any name in any namespace; in a file for several nodes say /**/{node}.",
+        "/**:",
         "  ros__parameters:",
     ]
     defaults = config_type(node)()
@@ -50,6 +51,8 @@ def parameter_file(node: str) -> str:
 def _meaning(facts: ParameterFacts) -> str:
     unit = f" [{facts.unit}]" if facts.unit else ""
     sentences = [f"{facts.description.rstrip('.')}{unit}."]
+    if facts.live:
+        sentences.append("May be set while it runs.")
     if facts.choices:
         sentences.append(f"One of: {', '.join(facts.choices)}.")
     if facts.low is not None and facts.high is not None:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from rclpy.node import Node
 
+from msrd_ros.bags.devices import ArmMessages
 from msrd_ros.bags.stroke_buffer import StrokeBuffer
 from msrd_ros.bags.strokes import Arrival, CutSettings
 from msrd_ros.contract.episode import Episode
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import steady_timer
 from msrd_ros.nodes.recorder_inputs import RecorderInputs
-from msrd_ros.recordings.episodes import assemble_stroke
-from msrd_ros.recordings.inspection import InspectionLimits, inspect
+from msrd_ros.recordings.inspection import judge
+from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.robots.robot import Robot
 
 SETTLE_PERIOD_S = 0.02
 ADAPT_PERIOD_S = 0.2
+COUNT = re.compile(r" \(\d+ messages?\)$")
 
 
 class PlayedBags:
@@ -44,7 +47,10 @@ class PlayedBags:
     ) -> None:
         self._robot = robot
         self._take, self._refuse = take, refuse
-        self._buffer = StrokeBuffer(CutSettings())
+        self._node = node
+        self._is_arms = ArmMessages(robot)
+        self._notes: set[str] = set()
+        self._buffer = StrokeBuffer(CutSettings(), self._is_arms)
         self._inputs: RecorderInputs | None = RecorderInputs(node, [], self._hear)
         self._settle = steady_timer(node, SETTLE_PERIOD_S, self._cut_settled)
         self._adapt = steady_timer(node, ADAPT_PERIOD_S, self._inputs.adapt)
@@ -71,14 +77,19 @@ class PlayedBags:
         self._buffer.tick()
         while self._inputs is not None and self._buffer.settled():
             stroke = self._buffer.cut()
-            verdict = inspect(stroke, self._robot, InspectionLimits())
-            if not verdict.accepted:
+            verdict, episode = judge(stroke, self._robot, InspectionLimits())
+            self._tell([*self._is_arms.news(), *verdict.notes])
+            if episode is not None:
+                self._take(episode)
+            else:
                 self._refuse(
                     UserError(f"ball {stroke.ball_id} is left out: {verdict.reason}, {verdict.detail}")
                 )
-                continue
-            assert stroke.label is not None
-            try:
-                self._take(assemble_stroke(stroke.messages, stroke.label, "", "topics", self._robot))
-            except UserError as error:
-                self._refuse(error)
+
+    def _tell(self, notes: list[str]) -> None:
+        """Say what should be known, once: how many messages it concerns changes from stroke to stroke."""
+        for note in notes:
+            kind = COUNT.sub("", note)
+            if kind not in self._notes:
+                self._notes.add(kind)
+                self._node.get_logger().warning(note)

@@ -17,7 +17,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header
 
-from msrd_ros.bags.metadata import BagInfo
+from msrd_ros.bags.info import BagInfo
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import (
@@ -35,6 +35,7 @@ from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.nodes.common import COMMAND, Finished, StackNode, run, steady_timer
 from msrd_ros.nodes.recorder_inputs import LATCHED, MOST_LATCHED, STREAMED, import_message_type
+from msrd_ros.nodes.speakers import LiveArm
 from msrd_ros.recordings.library import BagLibrary
 
 TICK_S = 0.001
@@ -69,13 +70,22 @@ class PlayerConfig:
     kept_only: bool = parameter(True, "Leave out strokes that the recorder had refused")
     topics: list[str] = parameter([], "What topics are called in the bags, as NAME:=NAME_IN_BAG")
     rate: float = parameter(
-        1.0, "Speed of playback; 0 plays as fast as max_messages_per_s allows", low=0.0, high=1000.0
+        1.0,
+        "Speed of playback; 0 plays as fast as max_messages_per_s allows",
+        low=0.0,
+        high=1000.0,
+        live=True,
     )
     max_messages_per_s: float = parameter(
-        3000.0, "Never send faster, so that all messages arrive", unit="1/s", low=1.0, high=100_000.0
+        3000.0,
+        "Never send faster, so that all messages arrive",
+        unit="1/s",
+        low=1.0,
+        high=100_000.0,
+        live=True,
     )
-    loop: bool = parameter(False, "Begin again at the end")
-    clock: bool = parameter(True, "Publish /clock")
+    loop: bool = parameter(False, "Begin again at the end", live=True)
+    clock: bool = parameter(True, "Publish clock")
     wait_s: float = parameter(
         10.0,
         "How long to wait for subscribers of joint_states and ball/position",
@@ -101,7 +111,7 @@ class Player(StackNode):
         self._messages: deque[BagMessage] = deque()
         self._outputs: dict[str, Publisher | None] = {}
         self._last_sent: dict[str, bytes] = {}
-        self._clock_output = self.create_publisher(Clock, "/clock", COMMAND) if self.config.clock else None
+        self._clock_output = self.create_publisher(Clock, "clock", COMMAND) if self.config.clock else None
         self._clock_log_ns = -CLOCK_PERIOD_NS
         self._bag_log_ns = 0
         self._bag_begin_s = 0.0
@@ -114,8 +124,10 @@ class Player(StackNode):
         self._failed_bags = 0
         self._sent = 0
         self._state = State.WAITING
+        self._live_arm = LiveArm(self)
         for role in (*LATCHED, *STREAMED):
             self._publisher(role, CONTRACT[role].type_name)
+        self.on_change(self._count_time_anew, "rate")
         self.get_logger().info(f"ready: {len(self._bags)} bags, {self._state}")
         steady_timer(self, TICK_S, self._tick)
 
@@ -127,6 +139,13 @@ class Player(StackNode):
             "refused": self._failed_bags,
             "messages": self._sent,
         }
+
+    def waits_for(self) -> list[str]:
+        """Who would have to listen for playing to begin."""
+        if self._state != State.WAITING:
+            return []
+        lonely = [role for role in (JOINT_STATES, BALL_POSITION) if not self._subscribers(role)]
+        return [f"subscribers of {role}: start a trainer or a recorder" for role in lonely]
 
     # -- bags ----------------------------------------------------------------------------------
 
@@ -151,12 +170,17 @@ class Player(StackNode):
                 self.get_logger().error(f"left out: {error}")
                 continue
             self._played_bags += 1
-            self._bag_log_ns = self._messages[0].log_time_ns
-            self._bag_begin_s = time.monotonic()
+            self._count_time_anew()
             self._clock_log_ns = -CLOCK_PERIOD_NS
             self.get_logger().info(f"playing bag {self._played_bags} of {len(self._bags)}: {info.path}")
             return True
         return False
+
+    def _count_time_anew(self) -> None:
+        """Let the next message be due now, and those behind it in their time at the present rate."""
+        if self._messages:
+            self._bag_log_ns = self._messages[0].log_time_ns
+            self._bag_begin_s = time.monotonic()
 
     def _prepare(self, bag: Bag) -> list[BagMessage]:
         """The bag's messages on relative names; publishers for all of them."""
@@ -169,8 +193,9 @@ class Player(StackNode):
             header = Header(stamp=_stamp(first_ns), frame_id=str(next(iter(labels))))
             messages.insert(0, BagMessage(STRATEGY, serialize_message(header), first_ns, first_ns))
         types = {bag.role(name): type_name for name, type_name in bag.info.types.items()}
-        for topic in {message.topic for message in messages}:
-            self._publisher(topic, types.get(topic) or CONTRACT[topic].type_name)
+        for topic in dict.fromkeys(message.topic for message in messages):
+            facts = CONTRACT.get(topic)
+            self._publisher(topic, types.get(topic) or (facts.type_name if facts else "unknown"))
         return [message for message in messages if self._outputs[message.topic] is not None]
 
     def _publisher(self, topic: str, type_name: str) -> None:
@@ -183,13 +208,13 @@ class Player(StackNode):
             depth=MOST_LATCHED if topic == TF_STATIC else depth,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
+        self._outputs[topic] = None
         try:
             message_type = import_message_type(type_name)
-        except UserError as error:
-            self._outputs[topic] = None
-            self.get_logger().info(f"topic {topic} is not played: {error}")
-            return
-        self._outputs[topic] = self.create_publisher(message_type, topic, profile)
+            self._outputs[topic] = self.create_publisher(message_type, topic, profile)
+        except Exception as error:  # a name or type from elsewhere that the middleware does not take
+            reason = (str(error).splitlines() or [repr(error)])[0]
+            self.get_logger().warning(f"topic {topic} is not played: {reason}")
 
     # -- playing -------------------------------------------------------------------------------
 
@@ -204,6 +229,7 @@ class Player(StackNode):
         self._ticked_s = now_s
 
     def _wait_for_subscribers(self, now_s: float) -> None:
+        self._live_arm.refuse()
         waited_s = now_s - self._since_s
         missing = [role for role in STREAMED if not self._subscribers(role)]
         needed = [role for role in missing if role in (JOINT_STATES, BALL_POSITION)]
@@ -220,6 +246,7 @@ class Player(StackNode):
         if self._first_sent_s == 0.0:
             self._first_sent_s = now_s + (0.0 if needed else self.config.start_delay_s)
         if now_s >= self._first_sent_s:
+            self._live_arm.close()
             self._state = State.PLAYING
 
     def _play(self, now_s: float) -> None:

@@ -13,26 +13,32 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_srvs.srv import Trigger
 
 from msrd_ros import __version__
+from msrd_ros.bags.devices import ArmMessages
 from msrd_ros.bags.metadata import check_subject
 from msrd_ros.bags.stroke_buffer import StrokeBuffer
 from msrd_ros.bags.strokes import Arrival, CutSettings, Stroke
 from msrd_ros.bags.writer import remove_leftovers, set_aside
-from msrd_ros.contract.topics import OUTCOME, STRATEGY
+from msrd_ros.contract.topics import BALL_POSITION, JOINT_STATES, OUTCOME, STRATEGY
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import EVENT, StackNode, robot_parameter, run, status, steady_timer
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
-from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict
+from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.recordings.store import StoreResult, StrokeStore
+from msrd_ros.recordings.verdict import Refusal, Verdict
 from msrd_ros.robots.loading import load_robot
 
 ADAPT_PERIOD_S = 0.25
-LONELY_S = 5.0
+SENDERS = {
+    JOINT_STATES: "start a simulator or the robot's driver",
+    BALL_POSITION: "start a simulator or the camera",
+    OUTCOME: "start a simulator or a referee",
+}
+"""Who is to be started where a topic of a stroke is not heard."""
 SETTLE_PERIOD_S = 0.01
 MEGABYTE = 1_000_000
 VERDICT = "recorder/verdict"
 VERDICT_STATUS = "stroke"
-KEEP_CHOICES = ("returned", "all")
 
 
 @dataclass(frozen=True)
@@ -41,11 +47,21 @@ class RecorderConfig:
 
     robot: str = robot_parameter()
     directory: str = parameter("bags", "Folder of the bags; a stroke goes to <subject>/<label>_<nnn>")
-    subject: str = parameter("s01", "Who shows the strokes: a-z, 0-9 and _; may change between strokes")
-    keep: str = parameter(
-        "returned", "Which strokes are kept: those accepted, or all of them, marked", choices=KEEP_CHOICES
+    subject: str = parameter(
+        "s01",
+        "Who shows the strokes: a-z, 0-9 and _; may change between strokes",
+        live=True,
+        check=check_subject,
     )
-    recording: bool = parameter(True, "Record from the start, without waiting for ~/start")
+    keep: str = parameter(
+        "returned",
+        "Which strokes are kept: those accepted, or all of them, marked",
+        choices=("returned", "all"),
+        live=True,
+    )
+    recording: bool = parameter(
+        True, "Whether strokes are recorded; ~/start and ~/stop set it, too", live=True
+    )
     pre_roll_s: float = parameter(
         0.2, "What is kept of the time before the launch", unit="s", low=0.0, high=5.0
     )
@@ -77,25 +93,23 @@ class Recorder(StackNode):
     def __init__(self) -> None:
         super().__init__("recorder", RecorderConfig)
         config = self.config
-        self._subject = check_subject(config.subject, "parameter subject of recorder")
-        self._keep_all = config.keep == "all"
         self._directory = self._prepare_directory()
+        robot = load_robot(config.robot)
+        self._is_arms = ArmMessages(robot)
         self._store = StrokeStore(
             self._directory,
-            load_robot(config.robot),
+            robot,
             InspectionLimits(config.speed_tolerance, config.joint_gap_s, config.ball_gap_s),
             f"msrd_ros {__version__}",
             int(config.minimum_free_mb * MEGABYTE),
         )
-        self._buffer = StrokeBuffer(CutSettings(config.pre_roll_s, longest_s=config.longest_s))
-        self._recording = config.recording
+        self._buffer = StrokeBuffer(CutSettings(config.pre_roll_s, longest_s=config.longest_s), self._is_arms)
         self._discarding = False
         self._kept = 0
         self._last_kept: Path | None = None
         self._rejected: Counter[str] = Counter()
         self._feeds_told = 0
         self._heard: tuple[str, ...] = ()
-        self._adaptations = 0
         self._verdict = self.create_publisher(DiagnosticArray, VERDICT, EVENT)
         self._results: queue.SimpleQueue[StoreResult] = queue.SimpleQueue()
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
@@ -103,13 +117,13 @@ class Recorder(StackNode):
         self._settle_timer = steady_timer(self, SETTLE_PERIOD_S, self._settle)
         self._settle_timer.cancel()
         self._inputs = RecorderInputs(self, config.extra_topics, self._take)
-        self.on_change(("subject", "keep"), self._change)
+        self.on_change(self._change_recording, "recording")
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/discard", self._on_discard)
         steady_timer(self, ADAPT_PERIOD_S, self._adapt)
-        state = "recording" if self._recording else "waiting for ~/start"
-        self.get_logger().info(f"ready: {state}, {self._subject} into {self._directory}")
+        state = "recording" if self.config.recording else "waiting for ~/start"
+        self.get_logger().info(f"ready: {state}, {self.config.subject} into {self._directory}")
 
     def close(self) -> None:
         """Keep what is decided, although the node is told to stop."""
@@ -121,17 +135,27 @@ class Recorder(StackNode):
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """Whether it records, and what it kept and refused."""
-        return "recording" if self._recording else "stopped", {
-            "subject": self._subject,
+        return "recording" if self.config.recording else "stopped", {
+            "subject": self.config.subject,
             "kept": self._kept,
             "rejected": self._rejected.total(),
             **{f"rejected_{reason}": count for reason, count in sorted(self._rejected.items())},
             "messages_lost": self._inputs.lost,
+            "passed_over": self._is_arms.passed_over,
             "disk_left_mb": self._store.free_bytes // MEGABYTE,
             "stroke_under_way": self._buffer.under_way,
             "decided": self._buffer.pending,
             "hears": " ".join(self._heard),
         }
+
+    def waits_for(self) -> list[str]:
+        """What is missing until strokes can be kept."""
+        missing = [f"{role}: {sender}" for role, sender in SENDERS.items() if role not in self._heard]
+        if not self.config.recording:
+            missing.append("leave to record: call ~/start, or set parameter recording")
+        if self._store.free_bytes < self.config.minimum_free_mb * MEGABYTE:
+            missing.append("room on the disk: make some, or see parameter minimum_free_mb")
+        return missing
 
     # -- setting up ----------------------------------------------------------------------------
 
@@ -155,7 +179,7 @@ class Recorder(StackNode):
     # -- what comes in -------------------------------------------------------------------------
 
     def _take(self, arrival: Arrival) -> None:
-        if self._recording or arrival.role in (STRATEGY, OUTCOME):
+        if self.config.recording or arrival.role in (STRATEGY, OUTCOME):
             self._buffer.add(arrival)
         if arrival.role == OUTCOME:
             self._settle_timer.reset()
@@ -167,12 +191,8 @@ class Recorder(StackNode):
             silent = [role for role in STREAMED if role not in self._heard]
             silence = f"; nobody publishes {', '.join(silent)}" if silent else ""
             self.get_logger().info(f"hears {', '.join(self._heard) or 'nothing'}{silence}")
-        self._adaptations += 1
-        if self._adaptations * ADAPT_PERIOD_S == LONELY_S and not self._heard:
-            self.get_logger().warning(
-                f"nobody publishes joint_states, ball/position or rally/outcome on domain "
-                f"{self.context.get_domain_id()}; start the simulator, or check ROS_DOMAIN_ID and remappings"
-            )
+        for line in self._is_arms.news():
+            self.get_logger().warning(line)
         if self._buffer.expired_feeds > self._feeds_told:
             self._feeds_told = self._buffer.expired_feeds
             self.get_logger().warning(
@@ -192,17 +212,18 @@ class Recorder(StackNode):
     def _cut(self) -> None:
         stroke = self._buffer.cut()
         refusal = None
-        if not self._recording:
+        if not self.config.recording:
             refusal = Verdict(Refusal.STOPPED, "the recorder is stopped; call ~/start")
         elif self._discarding:
             refusal = Verdict(Refusal.DISCARDED, "dropped by ~/discard")
         self._discarding = False
         if refusal is not None:
-            self._results.put(StoreResult(stroke, self._subject, refusal))
+            self._results.put(StoreResult(stroke, self.config.subject, refusal))
             self._written.trigger()
             return
         topics, latched = dict(self._inputs.topics), dict(self._inputs.latched)
-        self._writer.submit(self._keep, stroke, self._subject, topics, latched, self._keep_all)
+        subject, keep_all = self.config.subject, self.config.keep == "all"
+        self._writer.submit(self._keep, stroke, subject, topics, latched, keep_all)
 
     def _keep(self, stroke: Stroke, subject: str, *details: Any) -> None:
         """Judge and write, on the writer's thread; the node's own thread then reports."""
@@ -223,7 +244,8 @@ class Recorder(StackNode):
         if verdict.accepted:
             self._kept += 1
             self._last_kept = result.path
-            logger.info(f"kept {result.name}: {result.path}")
+            notes = "".join(f"; {note}" for note in verdict.notes)
+            logger.info(f"kept {result.name}: {result.path}{notes}")
         else:
             self._rejected[verdict.reason] += 1
             stored = f"; stored all the same: {result.path}" if result.path else ""
@@ -255,23 +277,18 @@ class Recorder(StackNode):
 
     # -- what the user changes -----------------------------------------------------------------
 
-    def _change(self, name: str, value: Any) -> None:
-        if name == "subject":
-            self._subject = check_subject(value, "parameter subject of recorder")
-        elif value not in KEEP_CHOICES:
-            raise UserError(f"parameter keep of recorder: {value!r}; use one of {', '.join(KEEP_CHOICES)}")
-        else:
-            self._keep_all = value == "all"
+    def _change_recording(self) -> None:
+        if not self.config.recording:
+            self._buffer.discard()
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._recording = True
-        response.success, response.message = True, f"recording {self._subject} into {self._directory}"
+        self.change("recording", True)
+        response.success, response.message = True, f"recording {self.config.subject} into {self._directory}"
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         dropped = self._buffer.under_way
-        self._recording = False
-        self._buffer.discard()
+        self.change("recording", False)
         response.success = True
         response.message = "stopped" + ("; dropped the stroke under way" if dropped else "")
         return response
@@ -282,7 +299,12 @@ class Recorder(StackNode):
             self._discarding = True
             response.success, response.message = True, "dropped the stroke under way"
         elif self._last_kept is not None and self._last_kept.is_dir():
-            target = set_aside(self._directory, self._last_kept)
+            try:
+                target = set_aside(self._directory, self._last_kept)
+            except OSError as error:
+                response.success = False
+                response.message = f"{self._last_kept} cannot be moved aside ({error}); move it by hand"
+                return response
             response.success, response.message = True, f"moved {self._last_kept} to {target}"
             self._kept -= 1
             self._rejected[Refusal.DISCARDED] += 1

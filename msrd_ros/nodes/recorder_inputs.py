@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import re
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from msrd_ros.bags.schemas import describe_type
 from msrd_ros.bags.strokes import STATES, Arrival
 from msrd_ros.contract.topics import (
-    BALL_POSITION,
     CONTRACT,
-    FEED,
     JOINT_STATES,
-    OUTCOME,
     ROBOT_DESCRIPTION,
-    STRATEGY,
+    STROKE,
     TF_STATIC,
     BagTopic,
 )
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
+from msrd_ros.nodes.latched import LatchedSubscription
 
-STREAMED = (JOINT_STATES, BALL_POSITION, FEED, STRATEGY, OUTCOME)
+STREAMED = STROKE
+_MESSAGE_TYPE = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 LATCHED = (ROBOT_DESCRIPTION, TF_STATIC)
 BACKLOG = 10_000
 """Messages of a topic that may wait for this process: the middleware acknowledges what it holds, then drops
@@ -56,7 +58,7 @@ class RecorderInputs:
     def __init__(self, node: Node, extra_topics: list[str], take: Callable[[Arrival], None]) -> None:
         self._node = node
         self._take = take
-        self._subscriptions: dict[str, AdaptiveSubscription] = {}
+        self._subscriptions: dict[str, AdaptiveSubscription | LatchedSubscription] = {}
         self.topics: dict[str, BagTopic] = {}
         self.latched: dict[str, list[bytes]] = {}
         for role in STREAMED:
@@ -108,12 +110,15 @@ class RecorderInputs:
                 f"parameter extra_topics of {self._node.get_name()}: {role}: {error}; "
                 f"write NAME=PACKAGE/msg/TYPE"
             ) from None
-        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        backlog = (MOST_LATCHED if role == TF_STATIC else depth) if latched else BACKLOG
-        profile = QoSProfile(depth=backlog, durability=durability)
-        self._subscriptions[role] = AdaptiveSubscription(
-            self._node, message_type, role, profile, callback, raw=True
-        )
+        if latched:
+            kept = MOST_LATCHED if role == TF_STATIC else depth
+            self._subscriptions[role] = LatchedSubscription(
+                self._node, message_type, role, callback, kept, raw=True
+            )
+        else:
+            self._subscriptions[role] = AdaptiveSubscription(
+                self._node, message_type, role, QoSProfile(depth=BACKLOG), callback, raw=True
+            )
 
     def _pass_on(self, role: str, received: Received) -> None:
         self._take(
@@ -136,13 +141,25 @@ class RecorderInputs:
 def import_message_type(type_name: str) -> Any:
     """The class of a message type such as ``nav_msgs/msg/Odometry``.
 
+    A bag may name any type: only classes of messages are imported, from packages that have messages.
+
     Raises
     ------
     UserError
-        If this installation does not have it.
+        If it is no message type's name, or this installation does not have it.
     """
-    package, _, name = type_name.replace("/", ".").rpartition(".")
+    match = _MESSAGE_TYPE.fullmatch(type_name)
+    if match is None:
+        raise UserError(f"{type_name!r} is no message type; write PACKAGE/msg/TYPE")
+    package, name = match.groups()
     try:
-        return getattr(importlib.import_module(package), name)
+        # Found without running any of the package's code.
+        spec = importlib.util.find_spec(package)
+        places = spec.submodule_search_locations if spec is not None else None
+        if any(Path(place, "msg", "__init__.py").is_file() for place in places or ()):
+            found = getattr(importlib.import_module(f"{package}.msg"), name, None)
+            if isinstance(found, type) and hasattr(found, "get_fields_and_field_types"):
+                return found
     except (ImportError, AttributeError, ValueError):
-        raise UserError(f"message type {type_name!r} is not installed; install its package") from None
+        pass
+    raise UserError(f"message type {type_name!r} is not installed; install its package")

@@ -34,6 +34,7 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.frames import FramePublisher
+from msrd_ros.nodes.latched import hear_latched
 from msrd_ros.nodes.messages import (
     WORLD,
     command_from_message,
@@ -43,6 +44,7 @@ from msrd_ros.nodes.messages import (
     outcome_to_message,
 )
 from msrd_ros.nodes.scene_markers import scene_markers
+from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
@@ -53,6 +55,8 @@ from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE, SIDE_HELP, STRA
 
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25
+SILENCE_S = 2.0
+"""Without a command for so long, one is waited for."""
 SHOW_PERIOD_S = 1.0 / 30.0
 SERVE_STREAM = 0xFEED
 
@@ -69,24 +73,30 @@ class SimulatorConfig:
     robot: str = robot_parameter()
     gui: bool = parameter(False, "Show Bullet's window")
     seed: int = parameter(0, "Seed of the camera's noise and of ~/serve", low=0)
-    spread: str = parameter("standard", "Spread of the feeds of ~/serve", choices=tuple(SPREADS))
+    spread: str = parameter("standard", "Spread of the feeds of ~/serve", choices=tuple(SPREADS), live=True)
     strategies: str = parameter("", STRATEGIES_HELP)
-    side: str = parameter(DEFAULT_SIDE.value, SIDE_HELP, choices=tuple(Side))
+    side: str = parameter(DEFAULT_SIDE.value, SIDE_HELP, choices=tuple(Side), live=True)
     camera_rate_hz: float = parameter(200.0, "Frames of the camera", unit="Hz", low=1.0, high=1000.0)
     camera_noise_m: float = parameter(
-        0.001, "Standard deviation of each coordinate", unit="m", low=0.0, high=0.1
+        0.001, "Standard deviation of each coordinate", unit="m", low=0.0, high=0.1, live=True
     )
-    camera_latency_s: float = parameter(0.0, "Age of the newest frame", unit="s", low=0.0, high=0.5)
-    camera_dropout: float = parameter(0.0, "Share of frames lost", low=0.0, high=0.9)
+    camera_latency_s: float = parameter(
+        0.0, "Age of the newest frame", unit="s", low=0.0, high=0.5, live=True
+    )
+    camera_dropout: float = parameter(0.0, "Share of frames lost", low=0.0, high=0.9, live=True)
     joint_state_rate_hz: float = parameter(
-        250.0, "Joint states and ball in real time", unit="Hz", low=10.0, high=1000.0
+        250.0, "Joint states and ball in real time", unit="Hz", low=10.0, high=1000.0, live=True
     )
     command_timeout_s: float = parameter(
-        0.1, "In real time: without a command for so long the arm stops", unit="s", low=0.02, high=5.0
+        0.1,
+        "In real time: without a command for so long the arm stops, and no ball is launched",
+        unit="s",
+        low=0.02,
+        high=5.0,
     )
     mass_scale: float = parameter(1.0, "Factor on the arm's masses", low=0.5, high=2.0)
     joint_friction_nm: float = parameter(0.0, "Dry friction of every joint", unit="Nm", low=0.0, high=10.0)
-    show: bool = parameter(True, "Publish TF, markers and ball/odometry")
+    show: bool = parameter(True, "Publish TF, markers and ball/odometry", live=True)
 
 
 class Simulator(StackNode):
@@ -98,20 +108,19 @@ class Simulator(StackNode):
         super().__init__("simulator", SimulatorConfig)
         config = self.config
         self._strategies = Strategies.load(config.strategies)
-        camera = CameraConfig(
-            config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
-        )
         self.get_logger().info("starting; the first time after an installation this takes a minute")
         self._robot = load_robot(config.robot)
         arm = ArmConfig(mass_scale=config.mass_scale, joint_friction_nm=config.joint_friction_nm)
         rally = RallyConfig(arm=arm, robot=self._robot)
         compile_ahead(rally)
-        self._world = World(WorldConfig(rally, camera, config.seed), gui=config.gui)
+        self._world = World(WorldConfig(rally, self._camera_config(), config.seed), gui=config.gui)
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
         self._paused = False
+        self._is_commanded = False
         self._tick_ns = 0
         self._asked_s = 0.0
+        self._answered_s = -SILENCE_S
         self._shown_ns = 0
         self._path: list[NDArray[np.float64]] = []
         self._counts = {"returned": 0, "ticks": 0, "asked_again": 0, "refused": 0}
@@ -119,16 +128,45 @@ class Simulator(StackNode):
         self._open_services()
         self._frames = FramePublisher(self, self._robot)
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
+        remedy = "stop it first, or start this simulator in a namespace or domain of its own"
+        self._alone = SoleSpeaker(self, "rally/outcome", "decides rallies on", remedy)
         if config.mode == "lockstep":
             steady_timer(self, ASK_AGAIN_S / 2, self._ask_again)
-            self._tick()
+            if not self._alone.is_doubtful:
+                self._tick()
         else:
             self._real_time_s = time.monotonic()
-            steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
+            self._clockwork = steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
+            self.on_change(self._change_rate, "joint_state_rate_hz")
+        self.on_change(self._change_camera, "camera_noise_m", "camera_latency_s", "camera_dropout")
 
     def close(self) -> None:
         """Let go of Bullet."""
         self._world.close()
+
+    def _camera_config(self) -> CameraConfig:
+        config = self.config
+        return CameraConfig(
+            config.camera_rate_hz, config.camera_noise_m, config.camera_latency_s, config.camera_dropout
+        )
+
+    def _change_camera(self) -> None:
+        self._world.change_camera(self._camera_config())
+
+    def _change_rate(self) -> None:
+        self.destroy_timer(self._clockwork)
+        self._clockwork = steady_timer(self, 1.0 / self.config.joint_state_rate_hz, self._follow_wall_clock)
+
+    def waits_for(self) -> list[str]:
+        """Who would have to speak for the world to go on, or the arm to move."""
+        if self._paused:
+            return ["leave to go on: call ~/pause with false"]
+        if time.monotonic() - self._answered_s < SILENCE_S:
+            return []
+        if self._world.teaching:
+            return ["a hand on topic teach/hand: start a demonstrator, or call ~/teach with false"]
+        stands = "; in lockstep time stands still until then" if self.config.mode == "lockstep" else ""
+        return [f"a joint_command: start an executor{stands}"]
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """Whether it teaches or plays, and what it counted."""
@@ -144,7 +182,7 @@ class Simulator(StackNode):
         }
 
     def _open_topics(self) -> None:
-        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", COMMAND)
+        self._clock_publisher = self.create_publisher(ClockMessage, "clock", COMMAND)
         self._ball = self.create_publisher(PointStamped, "ball/position", STATE)
         self._joint_states = self.create_publisher(JointState, "joint_states", STATE)
         self._odometry = self.create_publisher(Odometry, "ball/odometry", STATE)
@@ -152,7 +190,7 @@ class Simulator(StackNode):
         self._scene = self.create_publisher(MarkerArray, "scene", COMMAND)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         self._description.publish(String(data=self._robot.urdf))
-        self.create_subscription(Header, "strategy", self._on_strategy, LATCHED)
+        hear_latched(self, Header, "strategy", self._on_strategy)
         self.create_subscription(Odometry, "feed", self._on_feed, EVENT)
         self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
         self.create_subscription(MultiDOFJointTrajectory, "teach/hand", self._on_hand, COMMAND)
@@ -173,10 +211,14 @@ class Simulator(StackNode):
         self._publish_tick()
 
     def _ask_again(self) -> None:
-        if not self._paused and time.monotonic() - self._asked_s > ASK_AGAIN_S:
-            self._counts["asked_again"] += 1
-            self._asked_s = time.monotonic()
-            self._publish_tick()
+        if self._paused or self._alone.is_doubtful or time.monotonic() - self._asked_s < ASK_AGAIN_S:
+            return
+        if not self._counts["ticks"]:
+            self._tick()
+            return
+        self._counts["asked_again"] += 1
+        self._asked_s = time.monotonic()
+        self._publish_tick()
 
     def _advance(self, period_s: float) -> None:
         """Let the world go on for one period and publish the next tick."""
@@ -187,13 +229,23 @@ class Simulator(StackNode):
     def _follow_wall_clock(self) -> None:
         now_s = time.monotonic()
         behind_s = now_s - self._real_time_s
-        if self._paused or behind_s < 0.001:
-            self._real_time_s = now_s if self._paused else self._real_time_s
+        if self._paused or self._alone.is_doubtful or behind_s < 0.001:
+            self._real_time_s = self._real_time_s if behind_s < 0.001 else now_s
             return
+        self._miss_commands(now_s)
         # After a long stall the world does not rush to catch up.
         period_s = min(round(behind_s, 3), 0.05)
         self._real_time_s = now_s if behind_s > 0.05 else self._real_time_s + period_s
         self._advance(period_s)
+
+    def _miss_commands(self, now_s: float) -> None:
+        """Have the arm stop, and launch no ball, once commands stay away."""
+        if self._is_commanded and now_s - self._answered_s > self.config.command_timeout_s:
+            self._is_commanded = False
+            self._world.miss_commands()
+            self.complain(
+                UserError(f"no joint_command in {self.config.command_timeout_s:g} s; the arm comes to rest")
+            )
 
     def _publish_results(self) -> None:
         while self._world.results:
@@ -225,6 +277,8 @@ class Simulator(StackNode):
         except UserError as error:
             self._refuse(error)
             return
+        self._answered_s = time.monotonic()
+        self._is_commanded = True
         self._world.command(command.position, command.velocity, command.period_s, command.label)
         if self.config.mode == "lockstep":
             self._advance(command.period_s)
@@ -237,6 +291,7 @@ class Simulator(StackNode):
         except UserError as error:
             self._refuse(error)
             return
+        self._answered_s = time.monotonic()
         if gesture is not None:
             self._world.lead_hand(gesture)
         if self.config.mode == "lockstep":
@@ -262,7 +317,11 @@ class Simulator(StackNode):
         strategy = self._world.strategy
         side = (self._strategies.of(strategy).side if strategy else None) or Side(self.config.side)
         self._world.feed(self._feeder.sample(side, SPREADS[self.config.spread], self._serve_rng))
-        response.success, response.message = True, f"a ball to the {side.value} is coming"
+        response.success = True
+        response.message = (
+            f"a ball to the {side.value} is launched once the arm rests in the ready pose of strategy "
+            f"{strategy or '(none)'}; {self._world.feeds_waiting} wait"
+        )
         return response
 
     def _on_teach(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

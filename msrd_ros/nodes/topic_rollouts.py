@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,6 +23,7 @@ from msrd_ros.contract.translation import EpisodeAssembler, read_outcome, stamp_
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
+from msrd_ros.nodes.adaptive import hear
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE, referee_hears
 from msrd_ros.nodes.messages import (
     bytes_to_message,
@@ -27,6 +31,9 @@ from msrd_ros.nodes.messages import (
     strategy_message,
 )
 from msrd_ros.table_tennis.strokes.rollouts import PolicySource, StrokeBatch
+
+PATIENCE_S = 5.0
+"""A stroke with all its ways takes less."""
 
 
 class TopicCollector:
@@ -52,6 +59,7 @@ class TopicCollector:
         self._node, self._source = node, source
         self._spread, self._ready_noise_rad, self._timeout_s = spread, ready_noise_rad, timeout_s
         self._balls = 0
+        self._awaited, self._since_s = "", 0.0
         self._wanted: StrategyLabel | None = None
         self._digest = ""
         self._connected = False
@@ -64,11 +72,11 @@ class TopicCollector:
         self._policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._strategy = node.create_publisher(Header, "strategy", LATCHED)
         self._feed = node.create_publisher(Odometry, "feed", EVENT)
-        node.create_subscription(PointStamped, "ball/position", self._on_ball, STATE)
-        node.create_subscription(JointState, "joint_states", self._on_joint_state, STATE)
-        node.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
-        node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        hear(node, PointStamped, "ball/position", self._or_complain(self._on_ball), STATE)
+        hear(node, JointState, "joint_states", self._or_complain(self._on_joint_state), STATE)
+        hear(node, JointTrajectory, "joint_command", self._on_command, COMMAND)
+        hear(node, DiagnosticArray, "rally/outcome", self._or_complain(self._on_outcome), EVENT)
+        hear(node, DiagnosticArray, "/diagnostics", self._on_diagnostics, EVENT)
 
     def collect(self, policies: Policies, episodes: int, rng: np.random.Generator) -> Rollouts:
         """Play `episodes` strokes of every strategy.
@@ -106,11 +114,31 @@ class TopicCollector:
             played.append((assembler.assemble(), self._outcome))
         return played
 
+    @property
+    def awaited(self) -> str:
+        """What is waited for, for longer than an answer takes; empty if nothing is."""
+        late = self._awaited and time.monotonic() - self._since_s > PATIENCE_S
+        return f"rollouts: {self._awaited}; start simulator and executor" if late else ""
+
     def _wait(self, event: threading.Event, complaint: str) -> None:
-        if not event.wait(self._timeout_s):
+        self._awaited, self._since_s = complaint, time.monotonic()
+        answered = event.wait(self._timeout_s)
+        self._awaited = ""
+        if not answered:
             raise UserError(
                 f"{complaint} in {self._timeout_s:g} s; start simulator and executor (accept_policy:=true)"
             )
+
+    def _or_complain(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A message that cannot be used is named and passed over; training goes on."""
+
+        def take(message: Any) -> None:
+            try:
+                callback(message)
+            except UserError as error:
+                self._node.get_logger().error(str(error))
+
+        return take
 
     def _on_command(self, message: JointTrajectory) -> None:
         if message.header.frame_id == str(self._wanted):
@@ -121,7 +149,10 @@ class TopicCollector:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for item in message.status:
             values = {pair.key: pair.value for pair in item.values}
-            if item.name == "executor" and values.get("policies") == self._digest and self._digest:
+            namespace = item.name.rpartition("/")[0] or "/"
+            if namespace != self._node.get_namespace() or not self._digest:
+                continue
+            if values.get("policies") == self._digest:
                 self._swapped.set()
 
     def _on_ball(self, message: PointStamped) -> None:

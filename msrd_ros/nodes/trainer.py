@@ -14,13 +14,13 @@ from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 from tqdm import tqdm
 
-from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
-from msrd_ros.learning.harness import Harness, Schedule
+from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Harness, Schedule
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.nodes.common import (
     EVENT,
@@ -33,9 +33,9 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.messages import bytes_to_message
-from msrd_ros.nodes.played_bags import PlayedBags
+from msrd_ros.nodes.played_bags import COUNT, PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
-from msrd_ros.recordings.episodes import read_episodes
+from msrd_ros.recordings.episodes import read_bags
 from msrd_ros.recordings.library import BagLibrary
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
@@ -65,6 +65,7 @@ class TrainerConfig:
         choices=("folder", "played"),
     )
     bags: str = parameter("", "Folder of bags; empty takes the small set that the package ships")
+    topics: list[str] = parameter([], "What topics are called in the bags, as NAME:=NAME_IN_BAG")
     robot: str = robot_parameter()
     labels: list[str] = parameter([], "Strategies to learn; empty takes all that are demonstrated")
     strategies: str = parameter("", STRATEGIES_HELP)
@@ -84,6 +85,7 @@ class TrainerConfig:
     )
     out: str = parameter("runs/strokes", "Folder of policies, checkpoint, curves and TensorBoard events")
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
+    overwrite: bool = parameter(False, "Begin anew in an `out` that holds a run, whose results are lost")
     method: str = parameter("msrd", "Learning method", choices=tuple(METHODS))
     iterations: int = parameter(
         StrokeTrainingConfig.iterations,
@@ -155,13 +157,14 @@ class Trainer(StackNode):
         super().__init__("trainer", TrainerConfig)
         config = self.config
         self._robot = load_robot(config.robot)
-        self._out = _prepare_out(Path(config.out).expanduser())
+        self._out = _prepare_out(Path(config.out).expanduser(), config.resume or config.overwrite)
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
         self._strategies = Strategies.load(config.strategies)
         self._episodes: list[Episode] = []
         self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
         self._players: BulletPlayers | None = None
+        self._collector: Collector | None = None
         self._thread: threading.Thread | None = None
         self._run: Harness | None = None
         self._failure: BaseException | None = None
@@ -188,6 +191,16 @@ class Trainer(StackNode):
         if self._players is not None:
             self._players.close()
 
+    def waits_for(self) -> list[str]:
+        """Demonstrations that are missing while they come over topics, or who plays the policies."""
+        if self._training is not None:
+            awaited = self._collector.awaited if isinstance(self._collector, TopicCollector) else ""
+            return [awaited] if awaited else []
+        counts = self._counts()
+        wanted = self._labels or self._strategies.labels
+        short = ", ".join(str(label) for label in wanted if counts[label] < self.config.wanted)
+        return [f"demonstrations of {short}: play bags, or call ~/start to train on what there is"]
+
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """How far gathering or training is."""
         if self._training is None:
@@ -199,12 +212,24 @@ class Trainer(StackNode):
     def _read_bags(self) -> None:
         folder = Path(self.config.bags).expanduser() if self.config.bags else shipped_bags()
         library = BagLibrary.scan(folder)
-        for line in library.refused:
-            self.get_logger().warning(f"left out: {line}")
         chosen = library.select(self._labels, self.config.subjects)
-        for info in tqdm(chosen, unit="bag", desc="read"):
-            self._episodes += read_episodes(Bag(info.path), self._robot)
-        self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}")
+        refused = list(library.refused)
+        notes: Counter[str] = Counter()
+        names = parse_topic_names(self.config.topics, "parameter topics of trainer")
+        for reading in tqdm(
+            read_bags(chosen, self._robot, names), total=len(chosen), unit="bag", desc="read"
+        ):
+            self._episodes += [e for e in reading.episodes if not self._labels or e.label in self._labels]
+            refused += [f"bag {reading.info.path}: {reason}" for reason in reading.refused]
+            notes.update(COUNT.sub("", note) for note in reading.notes)
+        if not self._episodes:
+            raise UserError(f"no demonstration is left; {refused[0] if refused else folder}")
+        for line in refused:
+            self.get_logger().warning(f"left out: {line}")
+        for note, bags in notes.items():
+            self.get_logger().warning(f"{note} ({bags} bags)")
+        left_out = f", {len(refused)} left out" if refused else ""
+        self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}{left_out}")
 
     def _take(self, episode: Episode) -> None:
         if self._training is not None or (self._labels and episode.label not in self._labels):
@@ -250,11 +275,12 @@ class Trainer(StackNode):
             corrective_cloning=config.corrective_cloning,
             strategy_rewards=config.strategy_rewards,
         )
+        self._collector = self._make_collector()
         self._training = StrokeTraining(
             self._episodes,
             mean_landing_points(self._episodes),
             settings,
-            self._make_collector(),
+            self._collector,
             self._strategies,
         )
         task = RunTask(
@@ -327,21 +353,29 @@ class Trainer(StackNode):
         if not self._episodes:
             response.success, response.message = False, "no demonstration has arrived yet; play some bags"
             return response
-        self._begin()
+        try:
+            self._begin()
+        except UserError as error:
+            # Raised on the main thread once this answer is on its way.
+            self._failure = error
+            response.success, response.message = False, str(error)
+            return response
         response.success, response.message = True, f"training on {len(self._episodes)} demonstrations"
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None:
-            response.success, response.message = False, "training has not begun"
+        if self._run is None or self._thread is None or not self._thread.is_alive():
+            over = "training has not begun" if self._run is None else "training is over"
+            response.success, response.message = False, over
             return response
         self._run.stop.set()
         response.success, response.message = True, "training ends after the present iteration and is saved"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None:
-            response.success, response.message = False, "training has not begun"
+        if self._run is None or self._thread is None or not self._thread.is_alive():
+            over = "training has not begun" if self._run is None else "training is over"
+            response.success, response.message = False, over
             return response
         self._run.checkpoint_wanted.set()
         response.success, response.message = (
@@ -351,7 +385,13 @@ class Trainer(StackNode):
         return response
 
 
-def _prepare_out(out: Path) -> Path:
+def _prepare_out(out: Path, may_hold_run: bool) -> Path:
+    held = [name for name in (POLICIES_FILE, CHECKPOINT_FILE, RESULT_FILE) if (out / name).exists()]
+    if held and not may_hold_run:
+        raise UserError(
+            f"parameter out of trainer: {out} holds a run already ({', '.join(held)}); give another folder, "
+            f"resume:=true to go on with it, or overwrite:=true to lose it"
+        )
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,19 +1,20 @@
-"""Bags as learners want them: episodes sampled at the control rate, through the one translation."""
+"""Bags as learners want them: inspected, and sampled at the control rate through the one translation."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
+from msrd_ros.bags.devices import ArmMessages
+from msrd_ros.bags.info import BagInfo
 from msrd_ros.bags.reader import Bag
-from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.stroke_buffer import split_strokes
-from msrd_ros.bags.strokes import CutSettings
+from msrd_ros.bags.strokes import CutSettings, Stroke, whole_stroke
 from msrd_ros.contract.episode import Episode
-from msrd_ros.contract.labels import StrategyLabel
-from msrd_ros.contract.topics import BALL_POSITION, CONTRACT, JOINT_STATES, OUTCOME, BagMessage
-from msrd_ros.contract.translation import EpisodeAssembler
+from msrd_ros.contract.topics import OUTCOME, BagMessage
 from msrd_ros.core.errors import UserError
-from msrd_ros.recordings.inspection import InspectionLimits, inspect
+from msrd_ros.recordings.inspection import Origin, judge
+from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 
@@ -21,70 +22,125 @@ ROBOT_KEY = "robot"
 """In a bag's `custom_data`: `Robot.identity` of the arm that was led. 0.1.0 and others do not say."""
 
 
-def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
-    """The strokes of a bag as arrays, of an arm (the default one if None).
+@dataclass(frozen=True)
+class BagReading:
+    """What a bag gives to learn from.
 
-    A bag of one stroke gives one episode. A longer recording, as `ros2 bag record` makes it, is cut at its
-    outcomes, and its strokes pass the inspection that the recorder makes; those that fail are left out.
+    Attributes
+    ----------
+    info
+        Which bag.
+    episodes
+        Its accepted strokes.
+    refused
+        One line for every stroke that is not, or for the whole bag: all reasons, with their places in s from
+        the bag's start.
+    notes
+        What is no fault, but should be known.
+    """
+
+    info: BagInfo
+    episodes: tuple[Episode, ...] = ()
+    refused: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = True) -> BagReading:
+    """Inspect the strokes of a bag of an arm (the default one if None), and read those that are accepted.
+
+    A longer recording, as `ros2 bag record` makes it, is cut at its outcomes.
+
+    Parameters
+    ----------
+    bag, robot
+        What is read, and whose joints.
+    demonstrations_only
+        Refuse a bag of one stroke whose ball was not returned, or that its recorder refused.
 
     Raises
     ------
     UserError
-        If the bag cannot be read, is of another robot or does not hold what a stroke needs; names the bag.
+        If the bag cannot be read, or is of another robot; names the bag.
     """
     original = bag.raw()
-    subject, source = bag.info.subject, f"bag {bag.info.path}"
+    info, source = bag.info, f"bag {bag.info.path}"
     arm = robot or default_robot()
-    if ROBOT_KEY in bag.info.custom_data:
-        arm.require(bag.info.custom_data[ROBOT_KEY], source)
-    labels = bag.labels(original)
+    if ROBOT_KEY in info.custom_data:
+        arm.require(info.custom_data[ROBOT_KEY], source)
+    is_arms = ArmMessages(arm)
     messages = [message._replace(topic=bag.role(message.topic)) for message in original]
+    strokes = _strokes(bag, original, messages, is_arms)
+    if not demonstrations_only and len(strokes) == 1:
+        strokes = [replace(stroke, outcome=None) for stroke in strokes]
+    elif not info.kept:
+        return BagReading(info, refused=(f"its recorder refused it: {info.custom_data.get('reason', '?')}",))
+    origin = Origin(info.subject, source, original[0].log_time_ns if original else 0)
+    limits = InspectionLimits.of(info.custom_data)
+    episodes, refused = [], []
+    notes = dict.fromkeys(is_arms.remarks())
+    for stroke in strokes:
+        verdict, episode = judge(stroke, arm, limits, origin)
+        notes.update(dict.fromkeys(verdict.notes))
+        if episode is not None:
+            episodes.append(episode)
+            continue
+        which = f"ball {stroke.ball_id or '?'} ({stroke.label or 'no label'}): " if len(strokes) > 1 else ""
+        refused.append(f"{which}{verdict.reason}, {verdict.detail}")
+    if any(stroke.outcome is None for stroke in strokes):
+        notes[f"no {OUTCOME}: whether the ball came back is not known"] = None
+    for name, setting in limits.settings().items():
+        notes[f"inspected with {name} {setting}, as its recorder was set"] = None
+    return BagReading(info, tuple(episodes), tuple(refused), tuple(notes))
+
+
+def read_bags(
+    infos: Iterable[BagInfo], robot: Robot | None = None, names: Mapping[str, str] | None = None
+) -> Iterator[BagReading]:
+    """The same of many bags; one that cannot be read is refused like any other, and does not end the work.
+
+    Parameters
+    ----------
+    infos
+        Which bags, as `BagLibrary.select` gives them.
+    robot
+        The arm that was led; the default one if None.
+    names
+        Full topic name in the bags by relative name, where it is neither at the root nor unmistakable.
+    """
+    for info in infos:
+        try:
+            yield read_bag(Bag(info.path, names), robot)
+        except UserError as error:
+            yield BagReading(info, refused=(str(error).removeprefix(f"bag {info.path}: "),))
+
+
+def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
+    """The accepted strokes of a bag as arrays, of an arm (the default one if None).
+
+    A bag of one stroke may be of a ball that was not returned: it is no demonstration, but can be looked at.
+
+    Raises
+    ------
+    UserError
+        If the bag cannot be read, is of another robot, or none of its strokes is accepted; names the bag and
+        says why.
+    """
+    reading = read_bag(bag, robot, demonstrations_only=False)
+    if not reading.episodes:
+        raise UserError(f"bag {bag.info.path}: {'; '.join(reading.refused)}")
+    return list(reading.episodes)
+
+
+def _strokes(
+    bag: Bag, original: list[BagMessage], messages: list[BagMessage], is_arms: ArmMessages
+) -> list[Stroke]:
+    labels = bag.labels(original)
     if sum(message.topic == OUTCOME for message in messages) > 1:
-        return [
-            assemble_stroke(stroke.messages, stroke.label, subject, source, arm)
-            for stroke in split_strokes(messages, CutSettings())
-            if stroke.label and inspect(stroke, arm, InspectionLimits()).accepted
-        ]
+        return split_strokes(messages, CutSettings(), is_arms)
     if len(labels) > 1:
         names = ", ".join(sorted(str(label) for label in labels))
         raise UserError(
             f"bag {bag.info.path}: shows several strategies ({names}) and no rally/outcome to part them; "
             f"record rally/outcome too, or one bag a stroke"
         )
-    return [assemble_stroke(messages, next(iter(labels)), subject, source, arm)]
-
-
-def assemble_stroke(
-    messages: Iterable[BagMessage],
-    label: StrategyLabel,
-    subject: str,
-    source: str,
-    robot: Robot | None = None,
-) -> Episode:
-    """One stroke as arrays.
-
-    Parameters
-    ----------
-    messages
-        Topics are relative names; other topics than the stroke's own are passed over.
-    label, subject
-        What was shown, and by whom.
-    source
-        What to blame in errors.
-    robot
-        Whose joints; the default arm's if None.
-
-    Raises
-    ------
-    UserError
-        If the messages do not make up a stroke.
-    """
-    assembler = EpisodeAssembler(label, subject, source, robot)
-    for message in messages:
-        if message.topic == JOINT_STATES:
-            assembler.add_joint_state(deserialise(message.data, CONTRACT[JOINT_STATES].type_name))
-        elif message.topic == BALL_POSITION:
-            assembler.add_ball_position(deserialise(message.data, CONTRACT[BALL_POSITION].type_name))
-        elif message.topic == OUTCOME:
-            assembler.add_outcome(deserialise(message.data, CONTRACT[OUTCOME].type_name))
-    return assembler.assemble()
+    return [whole_stroke(messages, next(iter(labels)), is_arms)]

@@ -1,9 +1,8 @@
-"""Deciding whether a stroke may serve as a demonstration, and labelling the stored joint states."""
+"""Deciding whether a stroke may serve as a demonstration, wherever it comes from: the one inspection."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,94 +11,78 @@ from numpy.typing import NDArray
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.schemas import deserialise, serialise
 from msrd_ros.bags.strokes import Stroke
+from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.outcome import RETURNED
-from msrd_ros.contract.topics import BALL_POSITION, CONTRACT, FEED, JOINT_STATES, STRATEGY, BagMessage
-from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
+from msrd_ros.contract.topics import (
+    BALL_POSITION,
+    CONTRACT,
+    FEED,
+    JOINT_STATES,
+    OUTCOME,
+    STRATEGY,
+    BagMessage,
+)
+from msrd_ros.contract.translation import EpisodeAssembler
 from msrd_ros.core.errors import UserError
+from msrd_ros.recordings.ball_checks import check_ball
+from msrd_ros.recordings.clock_checks import check_clocks
+from msrd_ros.recordings.hit_checks import check_hit
+from msrd_ros.recordings.joint_checks import check_joints
+from msrd_ros.recordings.limits import InspectionLimits
+from msrd_ros.recordings.samples import StrokeSamples, Track, read_samples
+from msrd_ros.recordings.verdict import Finding, Refusal, Verdict
 from msrd_ros.robots.robot import Robot
 
 
-class Refusal(StrEnum):
-    """Why a returned ball's stroke is not kept; a ball not returned is refused with its miss reason."""
+class Judgement(NamedTuple):
+    """What became of a stroke: the verdict, and the demonstration if it is accepted."""
 
-    BAD_OUTCOME = "bad_outcome"
-    NO_LABEL = "no_label"
-    LABEL_CONFLICT = "label_conflict"
-    NO_JOINT_STATES = "no_joint_states"
-    NO_BALL = "no_ball"
-    MESSAGES_LOST = "messages_lost"
-    LAUNCH_MISSED = "launch_missed"
-    BAD_JOINT_STATES = "bad_joint_states"
-    BAD_BALL = "bad_ball"
-    JOINT_GAP = "joint_gap"
-    BALL_STALE = "ball_stale"
-    JOINT_SPEED = "joint_speed"
-    STOPPED = "stopped"
-    DISCARDED = "discarded"
-    DISK_FULL = "disk_full"
-    WRITE_FAILED = "write_failed"
+    verdict: Verdict
+    episode: Episode | None = None
 
 
-class Verdict(NamedTuple):
-    """What is thought of a stroke.
+class Origin(NamedTuple):
+    """Where a stroke comes from.
 
     Attributes
     ----------
-    reason
-        Empty if it is accepted; else a miss reason or a `Refusal`.
-    detail
-        What was found, for a person.
+    subject
+        Who showed it.
+    source
+        What to blame in errors.
+    start_ns
+        Reception of the first message of its bag; None: places count from the stroke's own beginning, in its
+        own time.
     """
 
-    reason: str = ""
-    detail: str = ""
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the stroke may serve as a demonstration."""
-        return not self.reason
-
-
-@dataclass(frozen=True)
-class InspectionLimits:
-    """What is still accepted.
-
-    Attributes
-    ----------
-    speed_tolerance
-        Joint speed as a fraction of its limit, at any sample.
-    joint_gap_s, ball_gap_s
-        Longest time between two samples from the launch to the outcome, and from the launch to the first.
-    launch_m
-        How far from where it was fed the ball is seen first, m.
-    """
-
-    speed_tolerance: float = 1.01
-    joint_gap_s: float = 0.1
-    ball_gap_s: float = 0.25
-    launch_m: float = 0.5
+    subject: str = ""
+    source: str = "topics"
+    start_ns: int | None = None
 
 
 def inspect(stroke: Stroke, robot: Robot, limits: InspectionLimits) -> Verdict:
-    """Accept a stroke of an arm, or say why not: the first reason found, gravest first."""
-    if not stroke.outcome:
-        return Verdict(Refusal.BAD_OUTCOME, "rally/outcome holds no status named rally with a message")
-    if stroke.outcome != RETURNED:
-        return Verdict(stroke.outcome, "the ball was not returned")
-    if stroke.label is None:
-        return Verdict(Refusal.NO_LABEL, "no strategy was set; publish its label on strategy")
-    joints = [message for message in stroke.messages if message.topic == JOINT_STATES]
-    balls = [message for message in stroke.messages if message.topic == BALL_POSITION]
-    if not joints:
-        return Verdict(Refusal.NO_JOINT_STATES, "nothing came on joint_states")
-    if not balls:
-        return Verdict(Refusal.NO_BALL, "nothing came on ball/position")
-    conflict = _conflicting_label(stroke)
-    if conflict:
-        return Verdict(Refusal.LABEL_CONFLICT, conflict)
-    if stroke.lost:
-        return Verdict(Refusal.MESSAGES_LOST, f"{stroke.lost} messages were lost on their way")
-    return _inspect_motion(stroke, robot, joints, balls, limits)
+    """Accept a stroke of an arm, or say why not: all reasons, gravest first, each with its place in s."""
+    return judge(stroke, robot, limits).verdict
+
+
+def judge(stroke: Stroke, robot: Robot, limits: InspectionLimits, origin: Origin | None = None) -> Judgement:
+    """Inspect a stroke of an arm, and make a demonstration of it if it is accepted."""
+    origin = origin or Origin()
+    said = _check_said(stroke)
+    if said is not None:
+        return Judgement(Verdict(said.reason, said.text))
+    samples = read_samples(stroke, robot)
+    findings = samples.findings + _check_motion(stroke, samples, robot, limits)
+    episode = None
+    if not findings:
+        try:
+            episode = _assemble(stroke, samples, robot, origin)
+        except UserError as error:
+            findings.append(Finding(Refusal.INCOMPLETE, str(error).removeprefix(f"{origin.source}: ")))
+    if not findings:
+        return Judgement(Verdict(notes=tuple(samples.notes)), episode)
+    detail = "; ".join(_placed(finding, stroke, origin.start_ns) for finding in findings)
+    return Judgement(Verdict(findings[0].reason, detail, tuple(samples.notes)))
 
 
 def label_joint_states(stroke: Stroke) -> tuple[BagMessage, ...]:
@@ -125,96 +108,139 @@ def _with_frame(data: bytes, frame_id: str) -> bytes:
     return serialise(message, type_name)
 
 
-def _conflicting_label(stroke: Stroke) -> str:
+def _placed(finding: Finding, stroke: Stroke, start_ns: int | None) -> str:
+    if finding.message is None:
+        return finding.text
+    if start_ns is None:
+        since_ns = stroke.messages[finding.message].log_time_ns - stroke.messages[0].log_time_ns
+    else:
+        since_ns = stroke.received_ns[finding.message] - start_ns
+    return f"at {since_ns / 1e9:.2f} s {finding.text}"
+
+
+def _check_said(stroke: Stroke) -> Finding | None:
+    """What referee and strategy say, and whether all that a stroke needs came in."""
+    topics = {message.topic for message in stroke.messages}
+    if stroke.outcome == "":
+        return Finding(Refusal.BAD_OUTCOME, "rally/outcome holds no status named rally with a message")
+    if stroke.outcome not in (None, RETURNED):
+        return Finding(str(stroke.outcome), "the ball was not returned")
+    if stroke.label is None:
+        return Finding(Refusal.NO_LABEL, "no strategy was set; publish its label on strategy")
+    if JOINT_STATES not in topics:
+        return Finding(Refusal.NO_JOINT_STATES, "nothing came on joint_states")
+    if BALL_POSITION not in topics:
+        return Finding(Refusal.NO_BALL, "nothing came on ball/position")
     for message in stroke.messages:
-        if message.topic == STRATEGY and read_frame_id(message.data) != stroke.label:
-            return f"{STRATEGY} says {read_frame_id(message.data)!r}, the stroke is {stroke.label}"
-    return ""
+        text = read_frame_id(message.data) if message.topic == STRATEGY else ""
+        if text and text != stroke.label:
+            told = f"{STRATEGY} says {text!r}, the stroke is {stroke.label}"
+            return Finding(Refusal.LABEL_CONFLICT, told)
+    if stroke.lost:
+        return Finding(Refusal.MESSAGES_LOST, f"{stroke.lost} messages were lost on their way")
+    return None
 
 
-def _inspect_motion(
-    stroke: Stroke,
-    robot: Robot,
-    joints: list[BagMessage],
-    balls: list[BagMessage],
-    limits: InspectionLimits,
-) -> Verdict:
-    translator = JointStateTranslator(robot)
-    joint_times, velocities = [], []
-    try:
-        for item in joints:
-            message = _read(item, JOINT_STATES)
-            joint_times.append(stamp_to_ns(message.header.stamp))
-            velocities.append(translator.read(message)[1])
-    except UserError as error:
-        return Verdict(Refusal.BAD_JOINT_STATES, str(error))
-    ball_times = []
-    try:
-        for item in balls:
-            message = _read(item, BALL_POSITION)
-            ball_times.append(stamp_to_ns(message.header.stamp))
-            read_ball_position(message)
-    except UserError as error:
-        return Verdict(Refusal.BAD_BALL, str(error))
-    gap_s = _longest_gap_s(stroke, joints, joint_times, stroke.messages[0].log_time_ns)
+def _check_motion(
+    stroke: Stroke, samples: StrokeSamples, robot: Robot, limits: InspectionLimits
+) -> list[Finding]:
+    """What is wrong with the samples; with clocks that are wrong nothing else can be told."""
+    if not len(samples.joints) or not len(samples.ball):
+        return []  # why they could not be read has been found already
+    findings = list(check_clocks(samples, stroke.launch_ns, limits))
+    joints, ball = samples.joints.rising(), samples.ball.rising()
+    if findings:
+        return findings + list(check_joints(joints, samples.told, robot, limits))[:1]
+    findings += _check_pauses(stroke, samples, limits)
+    findings += check_joints(joints, samples.told, robot, limits)
+    flight = _between(ball, stroke.launch_ns, stroke.end_ns)
+    faults = list(check_ball(flight, limits))
+    return findings + (faults or list(check_hit(flight, joints, robot, limits)))
+
+
+def _check_pauses(stroke: Stroke, samples: StrokeSamples, limits: InspectionLimits) -> Iterator[Finding]:
+    """Pauses, and a launch that was missed."""
+    joints, balls = samples.joints, samples.ball
+    feeds = [message for message in stroke.messages if message.topic == FEED]
+    gap_s, row = _longest_gap(stroke, joints, stroke.messages[0].log_time_ns)
     if gap_s > limits.joint_gap_s:
-        return Verdict(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s")
+        yield Finding(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s", int(joints.message[row]))
     # Who begins to listen in mid-flight has heard no pause: only the referee tells when the launch was.
-    missed_s = stroke.flight_s - (stroke.end_ns - joints[0].log_time_ns) / 1e9
+    missed_s = stroke.flight_s - (stroke.end_ns - int(joints.log_ns[0])) / 1e9
     if missed_s > limits.joint_gap_s:
-        return Verdict(
+        yield Finding(
             Refusal.LAUNCH_MISSED,
             f"joint_states were first heard {missed_s:.3f} s after the launch; start to record before it",
         )
-    # A ball that a person throws is in nobody's sight before.
-    fed = any(message.topic == FEED for message in stroke.messages)
-    strayed_m = _flown_unseen_m(stroke, balls[0])
-    if strayed_m > limits.launch_m:
-        return Verdict(
-            Refusal.LAUNCH_MISSED,
-            f"the ball was first seen {strayed_m:.2f} m from where it was fed; start to record before it",
-        )
-    gap_s = _longest_gap_s(stroke, balls, ball_times, stroke.launch_ns if fed else balls[0].log_time_ns)
+    elif feeds:
+        strayed_m = _flown_unseen_m(stroke, feeds[-1], balls)
+        if strayed_m > limits.launch_m:
+            yield Finding(
+                Refusal.LAUNCH_MISSED,
+                f"the ball was first seen {strayed_m:.2f} m from where it was fed; start to record before it",
+            )
+    # A ball that a person throws is in nobody's sight before; one that stands still in the air is not seen.
+    balls = balls.select(_moves(balls, stroke.launch_ns))
+    gap_s, row = _longest_gap(stroke, balls, stroke.launch_ns if feeds else int(balls.log_ns[0]))
     if gap_s > limits.ball_gap_s:
-        return Verdict(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s")
-    return _inspect_speed(robot, np.array(velocities), np.array(joint_times), limits)
+        yield Finding(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s", int(balls.message[row]))
 
 
-def _flown_unseen_m(stroke: Stroke, first: BagMessage) -> float:
-    """How far from the place of its feed the ball was when it was first seen, m; 0 where nobody fed it."""
-    feeds = [message for message in stroke.messages if message.topic == FEED]
-    if not feeds:
-        return 0.0
-    place = _read(feeds[-1], FEED).pose.pose.position
-    seen = read_ball_position(_read(first, BALL_POSITION))
-    return float(np.linalg.norm(seen - np.array([place.x, place.y, place.z])))
+def _moves(track: Track, launch_ns: int) -> NDArray[np.bool_]:
+    """Rows with a new place, and all from before the ball first moved."""
+    changed = np.append(False, (track.values[1:] != track.values[:-1]).any(axis=1))
+    flying = changed & (track.log_ns >= launch_ns)
+    return changed | (np.arange(len(track)) < (flying.argmax() if flying.any() else len(track)))
+
+
+def _flown_unseen_m(stroke: Stroke, feed: BagMessage, balls: Track) -> float:
+    """How far from the place of its feed the ball was when it was first seen, m."""
+    try:
+        place = _read(feed, FEED).pose.pose.position
+    except UserError:
+        return 0.0  # a feed that cannot be read tells nothing
+    seen = balls.values[max(int(np.searchsorted(balls.log_ns, stroke.launch_ns, side="right")) - 1, 0)]
+    strayed_m = float(np.linalg.norm(seen - np.array([place.x, place.y, place.z])))
+    return strayed_m if np.isfinite(strayed_m) else 0.0
 
 
 def _read(message: BagMessage, role: str) -> Any:
     return deserialise(message.data, CONTRACT[role].type_name)
 
 
-def _longest_gap_s(stroke: Stroke, messages: list[BagMessage], stamps_ns: list[int], begin_ns: int) -> float:
-    """Longest time without a new sample: by stamps in flight, by arrival from `begin_ns` and to the end."""
-    times = [message.log_time_ns for message in messages]
-    ends = max(min(times) - begin_ns, stroke.end_ns - max(times), 0)
-    stamps, first = np.unique(stamps_ns, return_index=True)
+def _longest_gap(stroke: Stroke, track: Track, begin_ns: int) -> tuple[float, int]:
+    """Longest time in s without a new sample: by stamps in flight, by arrival from `begin_ns` and to the end.
+
+    Beside it the row at which it begins.
+    """
+    stamps, first = np.unique(track.time_ns, return_index=True)
     # The pause before a sample counts if the sample came in flight; what paused before the launch does not.
-    in_flight = np.array(times)[first][1:] >= stroke.launch_ns
-    between = np.diff(stamps)[in_flight].max(initial=0)
-    return float(max(ends, between)) / 1e9
+    in_flight = track.log_ns[first][1:] >= stroke.launch_ns
+    between = np.where(in_flight, np.diff(stamps), 0)
+    gaps = [
+        (int(track.log_ns.min()) - begin_ns, 0),
+        (stroke.end_ns - int(track.log_ns.max()), len(track) - 1),
+    ]
+    if between.size:
+        gaps.append((int(between.max()), int(first[int(between.argmax())])))
+    gap_ns, row = max(gaps)
+    return gap_ns / 1e9, row
 
 
-def _inspect_speed(
-    robot: Robot, velocity: NDArray[np.float64], times_ns: NDArray[np.int64], limits: InspectionLimits
-) -> Verdict:
-    fraction = np.abs(velocity) / robot.limits.speed_rad_s
-    worst, joint = np.unravel_index(int(fraction.argmax()), fraction.shape)
-    if fraction[worst, joint] <= limits.speed_tolerance:
-        return Verdict()
-    since_s = float(times_ns[worst] - times_ns[0]) / 1e9
-    return Verdict(
-        Refusal.JOINT_SPEED,
-        f"{robot.joint_names[joint]} ran at {100 * fraction[worst, joint]:.1f} % of its speed limit, "
-        f"{since_s:.2f} s into the stroke",
-    )
+def _between(track: Track, begin_ns: int, end_ns: int) -> Track:
+    """The samples within log times."""
+    return track.select((track.log_ns >= begin_ns) & (track.log_ns <= end_ns))
+
+
+def _assemble(stroke: Stroke, samples: StrokeSamples, robot: Robot, origin: Origin) -> Episode:
+    assert stroke.label is not None
+    assembler = EpisodeAssembler(stroke.label, origin.subject, origin.source, robot)
+    joints, ball = samples.joints, samples.ball
+    for time_ns, position, velocity in zip(joints.time_ns, joints.values, joints.velocity, strict=True):
+        assembler.add_joints(int(time_ns), position, velocity)
+    for time_ns, position in zip(ball.time_ns, ball.values, strict=True):
+        assembler.add_ball(int(time_ns), position)
+    for message in stroke.messages:
+        if message.topic == OUTCOME:
+            assembler.add_outcome(_read(message, OUTCOME))
+    return assembler.assemble()

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from msrd_ros.bags.metadata import METADATA_FILE, BagInfo, read_info
+from msrd_ros.bags.finding import find_bags
+from msrd_ros.bags.info import BagInfo, read_info
+from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
-
-_STORAGE_SUFFIXES = (".mcap", ".db3")
 
 
 @dataclass(frozen=True)
@@ -31,12 +30,12 @@ class BagLibrary:
 
     @classmethod
     def scan(cls, *roots: Path | str, strict: bool = False) -> BagLibrary:
-        """Find the bags of folders; a folder may itself be a bag.
+        """Find the bags of folders; a folder may itself be a bag, or an MCAP file. Each bag counts once.
 
         Parameters
         ----------
         roots
-            Where to look; hidden directories are passed over.
+            Where to look; hidden directories are passed over, links followed.
         strict
             Refuse a folder with one broken bag, instead of listing it in `refused`.
 
@@ -47,19 +46,23 @@ class BagLibrary:
         """
         bags: list[BagInfo] = []
         refused: list[str] = []
+        seen: set[str] = set()
         for root in map(Path, roots):
-            if not root.is_dir():
+            if not root.is_dir() and not (root.is_file() and root.suffix == MCAP_SUFFIX):
                 state = "is a file" if root.exists() else "does not exist"
-                raise UserError(f"folder {root}: {state}; give a folder of bags or a bag's directory")
-            before = len(bags) + len(refused)
-            for path in _find(root):
+                raise UserError(
+                    f"folder {root}: {state}; give a folder of bags, a bag's directory or an MCAP file"
+                )
+            known = len(seen)
+            found = find_bags(root, seen)
+            for path in found:
                 try:
                     bags.append(read_info(path))
                 except UserError as error:
                     if strict:
                         raise
                     refused.append(str(error))
-            if len(bags) + len(refused) == before:
+            if not found and (not known or len(seen) > known):
                 raise UserError(
                     f"folder {root}: holds no bags; record some with the recorder, or give another folder"
                 )
@@ -106,12 +109,3 @@ class BagLibrary:
             f"there are {len(self.bags)} bags with labels {', '.join(labels) or 'none'} "
             f"and subjects {', '.join(subjects) or 'none'}{refused}"
         )
-
-
-def _find(root: Path) -> Iterator[Path]:
-    """Directories that are bags, or what is left of one."""
-    for folder, subfolders, files in os.walk(root, followlinks=True):
-        subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
-        if METADATA_FILE in files or any(name.endswith(_STORAGE_SUFFIXES) for name in files):
-            subfolders.clear()
-            yield Path(folder)

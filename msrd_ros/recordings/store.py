@@ -7,13 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from msrd_ros.bags.metadata import FORMAT_KEY, STROKE_FORMAT
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.static_transforms import static_transforms_from_urdf
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.bags.writer import keep_stroke
 from msrd_ros.contract.topics import CONTRACT, ROBOT_DESCRIPTION, TF_STATIC, BagMessage, BagTopic
 from msrd_ros.recordings.episodes import ROBOT_KEY
-from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict, inspect, label_joint_states
+from msrd_ros.recordings.inspection import inspect, label_joint_states
+from msrd_ros.recordings.limits import InspectionLimits
+from msrd_ros.recordings.verdict import Refusal, Verdict
 from msrd_ros.robots.robot import Robot
 
 
@@ -112,12 +115,14 @@ class StrokeStore:
         messages = [*_latched_messages(latched, stroke.messages[0].log_time_ns), *label_joint_states(stroke)]
         used = dict.fromkeys(message.topic for message in messages)
         custom_data = {
-            "outcome": stroke.outcome,
+            "outcome": stroke.outcome or "",
             "version": self._written_by,
+            FORMAT_KEY: str(STROKE_FORMAT),
             ROBOT_KEY: self._robot.identity,
             "ball_id": stroke.ball_id,
             "kept": "true" if verdict.accepted else "false",
             "reason": verdict.reason,
+            **self._limits.settings(),
         }
         try:
             path = keep_stroke(

@@ -107,11 +107,34 @@ def _search(
     return joints, distance, angle
 
 
-def _bounds(robot: Robot, lower: Array | None, upper: Array | None) -> tuple[Array, Array]:
-    limits = robot.limits
-    return (
-        np.array(limits.lower_rad if lower is None else lower, dtype=np.float64),
-        np.array(limits.upper_rad if upper is None else upper, dtype=np.float64),
+def _reach(
+    robot: Robot,
+    position: Array,
+    rotation: Array,
+    normal_only: bool,
+    start: Array,
+    posture: Array | None,
+    lower: Array | None,
+    upper: Array | None,
+    posture_pull: float,
+    steps: int,
+) -> Reached:
+    favourite = start if posture is None else posture
+    lowest = np.array(robot.limits.lower_rad if lower is None else lower, dtype=np.float64)
+    highest = np.array(robot.limits.upper_rad if upper is None else upper, dtype=np.float64)
+    return Reached(
+        *_search(
+            robot.model,
+            position,
+            rotation,
+            normal_only,
+            start,
+            favourite,
+            lowest,
+            highest,
+            posture_pull,
+            steps,
+        )
     )
 
 
@@ -142,11 +165,7 @@ def reach_pose(
     steps
         At most so many iterations. The result says how far it got; nothing is raised.
     """
-    favourite = start if posture is None else posture
-    bounds = _bounds(robot, lower, upper)
-    return Reached(
-        *_search(robot.model, position, rotation, False, start, favourite, *bounds, posture_pull, steps)
-    )
+    return _reach(robot, position, rotation, False, start, posture, lower, upper, posture_pull, steps)
 
 
 def reach_blade(
@@ -166,10 +185,6 @@ def reach_blade(
     For the back face pass the opposite of the direction that its face shall look to. How the handle stands
     about the normal is left to `posture`. Other parameters as in `reach_pose`.
     """
-    favourite = start if posture is None else posture
     rotation = np.zeros((3, 3))
     rotation[:, 1] = normal / np.linalg.norm(normal)
-    bounds = _bounds(robot, lower, upper)
-    return Reached(
-        *_search(robot.model, position, rotation, True, start, favourite, *bounds, posture_pull, steps)
-    )
+    return _reach(robot, position, rotation, True, start, posture, lower, upper, posture_pull, steps)

@@ -11,8 +11,11 @@ import yaml
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import FIRST_FORMAT, FORMAT_KEY, require_format
 
 Array = NDArray[np.float64]
+
+SHEET_FORMAT = 1
 
 
 def constant(values: Any) -> Array:
@@ -48,7 +51,7 @@ class Sheet:
         Raises
         ------
         UserError
-            If it is not YAML, or no table of keys.
+            If it is not YAML, no table of keys, or of a newer format.
         """
         try:
             values = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -58,6 +61,7 @@ class Sheet:
             raise UserError(f"{path}: is not YAML ({str(error).splitlines()[0]}); correct it") from None
         if not isinstance(values, dict):
             raise UserError(f"{path}: holds no keys; see config/robots/sawyer/robot.yaml")
+        require_format(values.pop(FORMAT_KEY, FIRST_FORMAT), SHEET_FORMAT, str(path))
         return cls(path, values)
 
     def value(self, key: str, wanted: str) -> Any:

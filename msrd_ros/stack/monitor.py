@@ -58,8 +58,14 @@ class Monitor:
         time.sleep(SETTLE_S)
 
     def values(self, node: str) -> dict[str, str]:
-        """Last figures of a node, as text; empty if it has not been heard."""
-        return dict(self._values.get(node, {}))
+        """Last figures of a node, as text; empty if it has not been heard.
+
+        Parameters
+        ----------
+        node
+            Its full name; one without a slash is at the root.
+        """
+        return dict(self._values.get(node if node.startswith("/") else f"/{node}", {}))
 
     def _take(self, message: DiagnosticArray) -> None:
         for item in message.status:

@@ -3,43 +3,54 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import random
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+import threading
+import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from msrd_ros.core.discovery import stay_on_this_machine
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.parent import STARTED_BY
+from msrd_ros.stack.console import Console
 
 STOP_TIMEOUT_S = 30.0
+INSIST_TIMEOUT_S = 5.0
+_LAST_WORDS_S = 1.0
+"""How long to wait for what a process printed before its end."""
+
+
+class NodeLostError(UserError):
+    """A node has ended that was still needed."""
 
 
 def own_domain() -> dict[str, str]:
     """Environment of nodes that shall meet each other and nobody else; a ROS_DOMAIN_ID that is set stays."""
     environment = dict(os.environ)
     environment.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 102)))
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_machine(environment)
     environment.setdefault("HOME", str(Path.cwd()))
     return environment
 
 
-def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
-    """Parameters as they stand on a command line."""
-    words = ["--ros-args"]
+def ros_arguments(parameters: Mapping[str, Any], options: Sequence[str] = ()) -> list[str]:
+    """ROS options and parameters as they stand on a command line; quoted, so that text stays text."""
+    words = ["--ros-args", *options]
     for name, value in parameters.items():
-        if isinstance(value, list | tuple):
-            text = "[" + ", ".join(map(str, value)) + "]"
-        else:
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-        words += ["-p", f"{name}:={text}"]
+        words += ["-p", f"{name}:={json.dumps(value, default=str, ensure_ascii=False)}"]
     return words
 
 
 class NodeProcess:
-    """One executable of this package as a process of its own.
+    """One executable of this package as a process of its own, which ends with this process.
+
+    It is in a process group of its own: Ctrl-C reaches this process only, which then stops one after another.
 
     Parameters
     ----------
@@ -49,24 +60,45 @@ class NodeProcess:
         Its ROS parameters.
     environment
         Of the process.
-    log
-        File for what it prints; None lets it write to the terminal.
+    output
+        File for what it prints, or who prints it line by line; None lets it write to the terminal.
+    options
+        Further ROS arguments, before the parameters.
     """
 
     def __init__(
-        self, name: str, parameters: Mapping[str, Any], environment: Mapping[str, str], log: Path | None
+        self,
+        name: str,
+        parameters: Mapping[str, Any],
+        environment: Mapping[str, str],
+        output: Path | Console | None,
+        options: Sequence[str] = (),
     ) -> None:
         self.name = name
-        self._log = log
-        command = [sys.executable, "-m", "msrd_ros", name, *ros_arguments(parameters)]
-        if log is None:
-            self._process = subprocess.Popen(command, env=dict(environment))
-        else:
-            log.parent.mkdir(parents=True, exist_ok=True)
-            with log.open("ab") as file:
-                self._process = subprocess.Popen(
-                    command, env=dict(environment), stdout=file, stderr=subprocess.STDOUT
-                )
+        self._output = output
+        self._reader: threading.Thread | None = None
+        self._started_s = time.monotonic()
+        command = [sys.executable, "-m", "msrd_ros", name, *ros_arguments(parameters, options)]
+        variables = {**environment, STARTED_BY: str(os.getpid())}
+        with contextlib.ExitStack() as stack:
+            target: Any = None
+            if isinstance(output, Console):
+                output.forget(name)
+                target = subprocess.PIPE
+            elif output is not None:
+                output.parent.mkdir(parents=True, exist_ok=True)
+                target = stack.enter_context(output.open("ab"))
+            self._process = subprocess.Popen(
+                command,
+                env=variables,
+                stdin=subprocess.DEVNULL,
+                stdout=target,
+                stderr=None if target is None else subprocess.STDOUT,
+                process_group=0,
+            )
+        if isinstance(output, Console):
+            assert self._process.stdout is not None
+            self._reader = output.follow(name, self._process.stdout)
 
     def __enter__(self) -> Self:
         return self
@@ -74,13 +106,23 @@ class NodeProcess:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
+    @property
+    def ran_s(self) -> float:
+        """How long ago it was started."""
+        return time.monotonic() - self._started_s
+
+    @property
+    def exit_status(self) -> int | None:
+        """Its exit status, a signal's number below zero; None while it runs."""
+        return self._process.poll()
+
     def wait(self, others: tuple[NodeProcess, ...] = ()) -> None:
         """Wait until it has done its work.
 
         Raises
         ------
-        UserError
-            If it or one of `others` fails; names it and its log.
+        NodeLostError
+            If it or one of `others` fails; names it, how it ended and what it said last.
         """
         while True:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -95,12 +137,12 @@ class NodeProcess:
 
         Raises
         ------
-        UserError
-            If it has failed; names it and its log.
+        NodeLostError
+            If it has failed; names it, how it ended and what it said last.
         """
-        code = self._process.poll()
+        code = self.exit_status
         if code:
-            raise UserError(f"{self.name} failed with exit status {code}{self._where()}")
+            raise NodeLostError(self.describe_end())
         return code == 0
 
     def require_alive(self) -> None:
@@ -108,26 +150,45 @@ class NodeProcess:
 
         Raises
         ------
-        UserError
-            Names it and its log.
+        NodeLostError
+            Names it, how it ended and what it said last.
         """
-        code = self._process.poll()
-        if code is not None:
-            raise UserError(f"{self.name} ended early with exit status {code}{self._where()}")
+        if self.exit_status is not None:
+            raise NodeLostError(self.describe_end())
+
+    def describe_end(self) -> str:
+        """How it has ended, and what it said last."""
+        code = self._process.poll() or 0
+        if code < 0:
+            end = f"was ended by signal {-code} ({signal.Signals(-code).name})"
+        else:
+            end = f"ended with exit status {code}" if code else "ended early, with exit status 0"
+        return f"{self.name} {end}; {self._last_words()}"
 
     def stop(self) -> None:
         """Ask it to end, and insist if it does not."""
-        if self._process.poll() is not None:
-            return
-        self._process.send_signal(signal.SIGINT)
-        try:
-            self._process.wait(STOP_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+        for number, patience_s in ((signal.SIGINT, STOP_TIMEOUT_S), (signal.SIGTERM, INSIST_TIMEOUT_S)):
+            if self._process.poll() is not None:
+                break
+            self._process.send_signal(number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(patience_s)
+        if self._process.poll() is None:
+            if isinstance(self._output, Console):
+                self._output.say("up", f"{self.name} does not end when it is asked to; it is killed")
+            os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
+        self._hear_out()
 
-    def _where(self) -> str:
-        if self._log is None:
-            return ""
-        lines = self._log.read_text(errors="replace").strip().splitlines()
-        return f"; {self._log} ends with: {lines[-1] if lines else 'nothing'}"
+    def _hear_out(self) -> None:
+        if self._reader is not None:
+            self._reader.join(_LAST_WORDS_S)
+
+    def _last_words(self) -> str:
+        self._hear_out()
+        if isinstance(self._output, Console):
+            return self._output.last_words(self.name)
+        if self._output is None:
+            return "see its lines above"
+        lines = self._output.read_text(errors="replace").strip().splitlines()
+        return f"{self._output} ends with: {lines[-1] if lines else 'nothing'}"

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import sys
@@ -16,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from msrd_ros.core import formats
 from msrd_ros.core.errors import UserError
 
 Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
@@ -104,15 +104,13 @@ def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool) -> None:
         }[name]
         torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
         started = time.monotonic()
-        metrics, write_report = study(folder, seeds, quick)
+        metrics, write_page = study(folder, seeds, quick)
     except ModuleNotFoundError as error:
         missing = f"{name} needs {error.name}, which is not installed"
         raise UserError(f"{missing}; install it with `pip install 'msrd_ros[studies]'`") from None
-    from msrd_ros.core.files import write_text
-
     metrics["total_seconds"] = time.monotonic() - started
-    report = write_report(metrics)
-    write_text(folder / "metrics.json", json.dumps(metrics, indent=1) + "\n")
+    report = write_page(metrics)
+    formats.write_report(folder / "metrics.json", metrics)
     print(f"\n{report}\n{folder / 'metrics.json'}")
 
 

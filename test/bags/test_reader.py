@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
-from msrd_ros.bags.metadata import read_info
+from msrd_ros.bags.info import read_info
 from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.schemas import deserialise, typestore
 from msrd_ros.bags.writer import keep_stroke, write_bag
@@ -232,7 +232,7 @@ def test_bags_that_are_none_are_refused(tmp_path: Path) -> None:
 def test_broken_metadata_is_refused(tmp_path: Path, content: str) -> None:
     path = keep(tmp_path)
     (path / "metadata.yaml").write_text(content)
-    assert_refused(path, "metadata.yaml is not readable", "msrd_ros.bags.repair")
+    assert_refused(path, "metadata.yaml is not readable", "msrd_ros.bags repair")
 
 
 def test_metadata_that_lacks_a_field_is_refused(tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ from msrd_ros.bags.strokes import Arrival, CutSettings, Stroke
 from msrd_ros.contract.outcome import MissReason
 from msrd_ros.contract.topics import BagMessage
 from msrd_ros.nodes.adaptive import LossCounter
-from msrd_ros.recordings.inspection import InspectionLimits, Refusal, Verdict, inspect, label_joint_states
+from msrd_ros.recordings.inspection import inspect, label_joint_states
+from msrd_ros.recordings.limits import InspectionLimits
+from msrd_ros.recordings.verdict import Refusal, Verdict
 from sawyer import ROBOT
 from synthetic_strokes import (
     LAUNCH_S,

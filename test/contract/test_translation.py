@@ -68,7 +68,7 @@ def test_the_order_may_change_from_message_to_message() -> None:
     ("message", "words"),
     [
         (joint_state(list(JOINT_NAMES[:6])), "right_j6 is missing"),
-        (joint_state(list(JOINT_NAMES), velocity=[]), "0 velocity values for 7 joints"),
+        (joint_state(list(JOINT_NAMES), velocity=[]), "tells no positions and velocities"),
         (
             joint_state(list(JOINT_NAMES), position=[0.0, 0.0, np.nan, 0.0, 0.0, 0.0, 0.0]),
             "position of joint right_j2",

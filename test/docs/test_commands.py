@@ -34,14 +34,21 @@ TESTED_BY = {
         "nodes/test_trainer.py::test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor"
     ),
     r"ros2 run msrd_ros executor\b": (
-        "nodes/test_executor.py::test_in_real_time_stale_inputs_bring_the_arm_to_rest"
+        "nodes/test_executor.py::test_in_real_time_the_arm_comes_to_rest_when_joint_states_fall_silent"
     ),
     r"ros2 run msrd_ros evaluator\b": (
         "nodes/test_evaluator.py::test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named"
     ),
-    r"python -m msrd_ros\.bags\.repair\b": (
-        "bags/test_repair.py::test_the_command_says_where_it_put_the_bag"
+    r"python -m msrd_ros doctor\b": (
+        "stack/test_doctor.py::test_faults_are_found_and_a_healthy_stack_is_let_go"
     ),
+    r"python -m msrd_ros up teach\b": "up/test_command.py::test_one_signal_ends_all_in_order",
+    r"python -m msrd_ros up play\b": (
+        "up/test_command.py::test_two_stacks_play_side_by_side_each_with_its_clock"
+    ),
+    r"python -m msrd_ros up train\b": "stack/test_sets.py::test_nodes_and_their_parameters_exist",
+    r"python -m msrd_ros\.bags repair\b": ("bags/test_repair.py::test_the_command_says_where_it_put_the_bag"),
+    r"python -m msrd_ros\.bags check\b": "recordings/test_check.py::test_a_folder_is_told_bag_by_bag",
 }
 """Which test runs a command, if with values of its own."""
 

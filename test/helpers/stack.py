@@ -89,11 +89,11 @@ class Stack:
 
     def trigger(self, service: str) -> Trigger.Response:
         """Call a std_srvs/Trigger."""
-        return self._call(Trigger, service, Trigger.Request())
+        return self.call(Trigger, service, Trigger.Request())
 
     def set(self, service: str, on: bool) -> SetBool.Response:
         """Call a std_srvs/SetBool."""
-        return self._call(SetBool, service, SetBool.Request(data=on))
+        return self.call(SetBool, service, SetBool.Request(data=on))
 
     def diagnosed(self, name: str) -> dict[str, str]:
         """What a node says of itself from now on, in /diagnostics."""
@@ -101,7 +101,8 @@ class Stack:
         self.wait_until(lambda: self._said_ns.get(name, 0) > asked_ns, f"diagnostics of {name}")
         return self.diagnostics[name]
 
-    def _call(self, kind: Any, service: str, request: Any) -> Any:
+    def call(self, kind: Any, service: str, request: Any) -> Any:
+        """Call a service of any type."""
         client = self.node.create_client(kind, service)
         self.wait_until(client.service_is_ready, service, START_TIMEOUT_S)
         future = client.call_async(request)
@@ -111,9 +112,10 @@ class Stack:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._said_ns[status.name] = stamp_to_ns(message.header.stamp)
+            name = status.name.removeprefix("/")
+            self._said_ns[name] = stamp_to_ns(message.header.stamp)
             values = {item.key: item.value for item in status.values}
-            self.diagnostics[status.name] = {**values, "message": status.message}
+            self.diagnostics[name] = {**values, "message": status.message}
 
 
 def one_line(process: RunningProcess, name: str, code: int = 2, timeout_s: float = START_TIMEOUT_S) -> str:

@@ -113,7 +113,7 @@ class StrokeSource:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == "recorder":
+            if status.name == "/recorder":
                 self.diagnostics = {item.key: item.value for item in status.values}
                 self.diagnostics["message"] = status.message
 

@@ -5,15 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrd_ros.bags.schemas import serialise, typestore
 from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.contract.topics import CONTRACT, BagMessage, BagTopic
-from sawyer import JOINT_NAMES, SPEED_LIMIT_RAD_S
+from msrd_ros.recordings.paddle import paddle_poses
+from sawyer import JOINT_NAMES, ROBOT, SPEED_LIMIT_RAD_S
 
 START_NS = 1_700_000_000_000_000_000
 LAUNCH_S = 0.3
 RALLY_S = 1.95
+HIT_S = 0.6
+FEEDER = (1.6, 0.0, 1.3)
+MIDDLE = np.array([-1.5, 0.0, 1.0])
+"""Where a ball is struck if nobody says where the paddle is."""
+SCALE = 0.5
+"""Peak speed of the first joint over its limit."""
+POSTURE_RAD = np.array([0.0, -0.3, -0.1, 0.9, -1.6, 1.6, -0.8])
+SWING_RAD_S = SPEED_LIMIT_RAD_S * np.array([1.0, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
 URDF = (
     '<robot name="sawyer"><link name="world"/><link name="base"/><link name="paddle"/>'
     '<joint name="pedestal" type="fixed"><parent link="world"/><child link="base"/>'
@@ -32,11 +42,18 @@ def header(time_ns: int, frame_id: str) -> Any:
     return make("std_msgs/msg/Header", make("builtin_interfaces/msg/Time", *divmod(time_ns, 10**9)), frame_id)
 
 
-def joint_state(time_ns: int, frame_id: str, velocity_scale: float = 0.5, names: Any = None) -> bytes:
-    """All seven joints swing; each peaks at `velocity_scale` of its speed limit once a second."""
+def joint_position(time_ns: int, velocity_scale: float = SCALE) -> NDArray[np.float64]:
+    """Angles of the seven joints, (7,): they swing once a second, about a posture that faces the ball."""
     phase = 2 * np.pi * (time_ns % 10**9) / 1e9
-    velocity = velocity_scale * SPEED_LIMIT_RAD_S * np.cos(phase)
-    position = velocity_scale * SPEED_LIMIT_RAD_S * np.sin(phase) / (2 * np.pi)
+    return np.asarray(POSTURE_RAD + velocity_scale * SWING_RAD_S * np.sin(phase) / (2 * np.pi))
+
+
+def joint_state(time_ns: int, frame_id: str, velocity_scale: float = SCALE, names: Any = None) -> bytes:
+    """The first joint's speed peaks at `velocity_scale` of its limit once a second, the others' at less."""
+    phase = 2 * np.pi * (time_ns % 10**9) / 1e9
+    velocity = velocity_scale * SWING_RAD_S * np.cos(phase)
+    position = joint_position(time_ns, velocity_scale)[: len(names or JOINT_NAMES)]
+    velocity = velocity[: len(position)]
     message = make(
         "sensor_msgs/msg/JointState",
         header(time_ns, frame_id),
@@ -48,16 +65,26 @@ def joint_state(time_ns: int, frame_id: str, velocity_scale: float = 0.5, names:
     return serialise(message, "sensor_msgs/msg/JointState")
 
 
-def ball_at(since_launch_s: float) -> tuple[float, float, float]:
-    """At rest at the feeder, then to the robot at 4 m/s, and back from 0.6 s on."""
-    t = max(since_launch_s, 0.0)
-    x = 1.6 - 4.0 * t if t < 0.6 else -0.8 + 4.0 * (t - 0.6)
-    return x, 0.1 * np.sin(t), 1.0 + 0.3 * np.cos(3.0 * t)
+def ball_at(since_launch_s: float, struck_at: NDArray[np.float64] = MIDDLE) -> NDArray[np.float64]:
+    """At rest at the feeder, off the table to the paddle, struck there, and off the far half."""
+    legs = [
+        (0.4, np.array(FEEDER), np.array([-0.6, 0.0, 0.78])),
+        (HIT_S - 0.4, np.array([-0.6, 0.0, 0.78]), struck_at),
+        (0.5, struck_at, np.array([0.8, 0.1, 0.78])),
+        (0.9, np.array([0.8, 0.1, 0.78]), np.array([2.6, 0.1, 0.2])),
+    ]
+    left_s = max(since_launch_s, 0.0)
+    for length_s, begin, end in legs:
+        if left_s <= length_s or end[0] > 2.0:
+            fall = 0.5 * 9.81 * left_s * (length_s - left_s)
+            return np.asarray(begin + (end - begin) * left_s / length_s + np.array([0.0, 0.0, fall]))
+        left_s -= length_s
+    raise AssertionError("the last leg has no end")
 
 
-def ball_position(time_ns: int, since_launch_s: float) -> bytes:
+def ball_position(time_ns: int, since_launch_s: float, struck_at: NDArray[np.float64] = MIDDLE) -> bytes:
     """A geometry_msgs/PointStamped."""
-    point = make("geometry_msgs/msg/Point", *map(float, ball_at(since_launch_s)))
+    point = make("geometry_msgs/msg/Point", *map(float, ball_at(since_launch_s, struck_at)))
     message = make("geometry_msgs/msg/PointStamped", header(time_ns, "world"), point)
     return serialise(message, "geometry_msgs/msg/PointStamped")
 
@@ -72,7 +99,7 @@ def feed(time_ns: int) -> bytes:
     types = "geometry_msgs/msg/"
     pose = make(
         f"{types}PoseWithCovariance",
-        make(f"{types}Pose", make(f"{types}Point", 1.6, 0.0, 1.3), make(f"{types}Quaternion", 0, 0, 0, 1)),
+        make(f"{types}Pose", make(f"{types}Point", *FEEDER), make(f"{types}Quaternion", 0, 0, 0, 1)),
         np.zeros(36),
     )
     twist = make(
@@ -103,7 +130,7 @@ def stroke_messages(
     ball_id: int = 1,
     miss: MissReason | None = None,
     joint_frame: str | None = None,
-    velocity_scale: float = 0.5,
+    velocity_scale: float = SCALE,
 ) -> list[BagMessage]:
     """One ball on the contract's relative topics, in the order of sending.
 
@@ -124,8 +151,10 @@ def stroke_messages(
     for time_ns in range(start_ns, end_ns + 1, round(1e9 / joint_hz)):
         frame = (label if time_ns >= launch_ns else "") if joint_frame is None else joint_frame
         rows.append((time_ns, "joint_states", joint_state(time_ns, frame, velocity_scale)))
+    at_hit = joint_position(launch_ns + int(HIT_S * 1e9), velocity_scale)
+    (struck_at,) = paddle_poses(ROBOT, at_hit[None]).place
     rows += [
-        (time_ns, "ball/position", ball_position(time_ns, (time_ns - launch_ns) / 1e9))
+        (time_ns, "ball/position", ball_position(time_ns, (time_ns - launch_ns) / 1e9, struck_at))
         for time_ns in range(start_ns, end_ns + 1, round(1e9 / ball_hz))
     ]
     # The decision is sent after the tick's states.

@@ -136,6 +136,18 @@ def test_damaged_files_are_refused_by_name(tmp_path: Path, damage: str) -> None:
         PolicySet.load(path)
 
 
+def test_a_file_of_a_newer_format_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "c.safetensors"
+    run = trainer()
+    save_checkpoint(path, run)
+    data = path.read_bytes()
+    assert data.count(b'{\\"format\\": 1, ') == 1
+    path.write_bytes(data.replace(b'{\\"format\\": 1, ', b'{\\"format\\": 2, '))
+    for read in (PolicySet.load, lambda path: load_checkpoint(path, run)):
+        with pytest.raises(UserError, match=r"c\.safetensors: is of format 2, .* upgrade msrd_ros"):
+            read(path)
+
+
 def test_missing_file_and_unknown_label() -> None:
     with pytest.raises(UserError, match="nowhere"):
         PolicySet.load(Path("/nowhere/c.safetensors"))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import gc
+import re
 import shutil
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from edited_bags import edited, messages_of, write
 from made_up_policies import made_up_policies, with_columns
 from msrd_ros.bags.writer import write_bag
 from msrd_ros.core.resources import shipped_bags
@@ -150,9 +154,53 @@ def test_folders_that_teach_nothing_are_refused(capfd: pytest.CaptureFixture[str
     assert "subject_01" in line
 
 
+def test_one_bad_bag_of_many_is_named_and_the_rest_is_trained(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    bags = tmp_path / "bags"
+    for number in (1, 2, 3):
+        renamed = [m._replace(topic=m.topic.replace("/joint_states", "/arm/joints")) for m in messages_of()]
+        types = {"/arm/joints": "sensor_msgs/msg/JointState"}
+        write(bags / f"forehand-push_{number:03d}", renamed, types)
+    spoilt = bags / "forehand-push_002"
+    shutil.rmtree(spoilt)
+    degrees = edited(messages_of(), {"joint_states": in_degrees})
+    write(spoilt, [m._replace(topic=m.topic.replace("/joint_states", "/arm/joints")) for m in degrees], types)
+    torn = next((bags / "forehand-push_003").glob("*.mcap"))
+    torn.write_bytes(torn.read_bytes()[:9000])
+    # The remedy that the error names works where it is shown.
+    out = f"out:={tmp_path / 'out'}"
+    line = error_line(capfd, "trainer", out, f"bags:={bags}")
+    (remedy,) = re.findall(r"topics:='\S+'", line)
+    words = [out, f"bags:={bags}", remedy.replace("NAME", "/arm/joints").replace("'", ""), "iterations:=0"]
+    assert trainer.main(["--ros-args", *(word for entry in words for word in ("-p", entry))]) == 0
+    said = capfd.readouterr().err
+    assert "1 demonstrations from" in said
+    assert "2 left out" in said
+    assert f"left out: bag {spoilt}: joint_limit" in said
+    assert f"left out: bag {torn.parent}: is cut off or damaged" in said
+
+
+def in_degrees(message: Any, _: int) -> Any:
+    message.position, message.velocity = np.degrees(message.position), np.degrees(message.velocity)
+    return message
+
+
 def test_nothing_to_go_on_from_is_said(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     line = error_line(capfd, "trainer", f"out:={tmp_path}", "resume:=true", "labels:=[forehand-push]")
     assert str(tmp_path / "checkpoint.safetensors") in line
+
+
+def test_a_run_is_not_lost_by_a_repeated_command(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    held = tmp_path / "policies.safetensors"
+    held.write_bytes(b"work")
+    line = error_line(capfd, "trainer", f"out:={tmp_path}")
+    assert f"parameter out of trainer: {tmp_path} holds a run already (policies.safetensors)" in line
+    assert "resume:=true to go on with it, or overwrite:=true to lose it" in line
+    assert held.read_bytes() == b"work"
+    # Asked for, it goes on to what is wrong next.
+    line = error_line(capfd, "trainer", f"out:={tmp_path}", "overwrite:=true", f"bags:={tmp_path / 'gone'}")
+    assert "does not exist" in line
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nav_msgs.msg import Odometry
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import HORIZON, Episode
 from msrd_ros.core.errors import UserError
+from msrd_ros.nodes.common import EVENT
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
@@ -66,3 +68,17 @@ def test_live_disk_and_played_strokes_are_the_same_arrays(stack: Stack, tmp_path
                 if other.label == episode.label and np.array_equal(other.observations, episode.observations)
             )
             np.testing.assert_array_equal(same.actions, episode.actions)
+
+
+def test_a_demonstrator_that_is_started_again_calls_off_the_ball_it_had_left(stack: Stack) -> None:
+    stack.start_simulator(seed=5, show=False)
+    study = {"subjects": 1, "recordings": 1, "recorder": "''"}
+    feeds: list[Odometry] = []
+    stack.node.create_subscription(Odometry, "feed", feeds.append, EVENT)
+    first = stack.start("demonstrator", **study)
+    stack.wait_until(lambda: feeds, "feed", 150.0, first)
+    stack.wait_until(lambda: stack.diagnosed("simulator")["balls"] != "0", "ball", 60.0, first)
+    first.kill()
+    again = stack.start("demonstrator", **study)
+    stack.wait_until(lambda: len(feeds) > 1, "the next feed", 150.0, again)
+    assert again.stop() == 0

@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, UInt8MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from live_executor import require_safe
 from made_up_policies import made_up_policies
-from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON
+from msrd_ros.contract.episode import CONTROL_PERIOD_S, HORIZON
 from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.nodes.common import COMMAND, LATCHED, STATE
 from msrd_ros.nodes.messages import bytes_to_message, command_from_message
@@ -25,7 +27,6 @@ from msrd_ros.table_tennis.strokes.player import StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
 from processes import RunningProcess
 from sawyer import (
-    ACCELERATION_LIMIT_RAD_S2,
     HOME_POSTURE_RAD,
     JOINT_COUNT,
     JOINT_NAMES,
@@ -46,14 +47,14 @@ POLICIES = made_up_policies(LABELS)
 class Robot:
     """Publishes ticks and follows the answers to the letter."""
 
-    def __init__(self, stack: Stack) -> None:
+    def __init__(self, stack: Stack, profile: QoSProfile = STATE) -> None:
         self.stack = stack
         self.time_ns = 10**9
         self.position = HOME_POSTURE_RAD.copy()
         self.answers: list[JointTrajectory] = []
         node = stack.node
-        self._states = node.create_publisher(JointState, "joint_states", STATE)
-        self._ball = node.create_publisher(PointStamped, "ball/position", STATE)
+        self._states = node.create_publisher(JointState, "joint_states", profile)
+        self._ball = node.create_publisher(PointStamped, "ball/position", profile)
         self._strategy = node.create_publisher(Header, "strategy", LATCHED)
         self.policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
         node.create_subscription(JointTrajectory, "joint_command", self.answers.append, COMMAND)
@@ -198,10 +199,9 @@ def test_joint_states_that_cannot_be_used_are_named_and_not_answered(
     lacking = JointState(name=list(JOINT_NAMES[1:]), position=[0.0] * 6, velocity=[0.0] * 6)
 
     def refused_by_name() -> bool:
-        # The log says a thing of one kind once a second.
         robot.time_ns += PERIOD_NS
         robot.send(state=lacking)
-        return "joint right_j0 is missing; publish all of sawyer (right_j0..right_j6)" in executor.output
+        return "are passed over: they lack right_j0" in executor.output
 
     robot.stack.wait_until(refused_by_name, "refusal")
     assert robot.answers == []
@@ -296,38 +296,34 @@ def test_a_second_executor_ends_with_a_clear_line(
     robot.tick()
 
 
-def test_in_real_time_stale_inputs_bring_the_arm_to_rest(stack: Stack, checkpoint: Path) -> None:
+def test_in_real_time_the_arm_comes_to_rest_when_joint_states_fall_silent(
+    stack: Stack, checkpoint: Path
+) -> None:
     process = stack.start("executor", checkpoint=checkpoint, mode="real_time", accept_policy=False)
     process.wait_for_line("ready: real_time")
-    label, robot = LABELS[0], Robot(stack)
-    assert robot.policy.get_subscription_count() == 0
-    robot.ask(label)
-    robot.make_ready(label, POLICIES.facts[label].ready_pose)
-    # The camera falls silent in the middle of a stroke: the joints come to rest within their limits.
-    last = 20
-    for step in range(last + 1):
-        _, before, _ = robot.tick(flying(step))
-    assert np.abs(before).max() > 0.05
-    for late in range(1, ACTING_STEPS - last):
-        _, velocity, _ = robot.tick(flying(last), ball_age_ns=late * PERIOD_NS)
-        change = np.abs(velocity - before)
-        assert np.all(change <= ACCELERATION_LIMIT_RAD_S2 * CONTROL_PERIOD_S + 1e-9)
-        if late * PERIOD_NS > 0.15e9:
-            assert np.all(np.abs(velocity) <= np.abs(before) + 1e-12)
-        before = velocity
-    assert not before.any()
+    robot = Robot(stack)
+    robot.ask(LABELS[0])
+
+    def is_fast() -> bool:
+        time.sleep(CONTROL_PERIOD_S)
+        robot.time_ns += PERIOD_NS
+        if robot.answers:
+            robot.position = np.array(robot.answers[-1].points[0].positions)
+        robot.send()
+        return bool(robot.answers) and np.abs(robot.answers[-1].points[0].velocities).max() > 0.3
+
+    stack.wait_until(is_fast, "motion to the ready pose")
+    # From now on there are none: what follows comes from the executor's own clock.
+    stack.wait_until(lambda: not np.any(robot.answers[-1].points[0].velocities), "rest")
+    require_safe(robot.answers, pauses=True)
+    assert all(stamp_to_ns(answer.header.stamp) == 0 for answer in robot.answers)
     assert int(stack.diagnosed("executor")["stops"]) > 0
 
-    # The joint states fall silent on the way to the next ready pose: the same, from the executor's own clock.
-    robot.ask(LABELS[1])
-    robot.position = robot.position + 0.1
-    for _ in range(200):
-        velocity = robot.tick()[1]
-        if np.abs(velocity).max() > 0.3:
-            break
-    heard = len(robot.answers)
-    stack.wait_until(lambda: not np.any(robot.answers[-1].points[0].velocities), "rest")
-    velocities = np.array([velocity, *(answer.points[0].velocities for answer in robot.answers[heard:])])
-    assert len(velocities) > 1
-    assert np.all(np.abs(np.diff(velocities, axis=0)) <= ACCELERATION_LIMIT_RAD_S2 * CONTROL_PERIOD_S + 1e-9)
-    assert np.all(np.diff(np.abs(velocities), axis=0) <= 1e-12)
+
+def test_a_best_effort_driver_is_heard(stack: Stack, checkpoint: Path) -> None:
+    process = stack.start("executor", checkpoint=checkpoint)
+    process.wait_for_line("ready: lockstep")
+    robot = Robot(stack, qos_profile_sensor_data)
+    robot.ask(LABELS[0])
+    assert robot.tick()[2] in ("", str(LABELS[0]))
+    robot.make_ready(LABELS[0], POLICIES.facts[LABELS[0]].ready_pose)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,15 +15,20 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagWriter
 from rosgraph_msgs.msg import Clock
 
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.reader import Bag
+from msrd_ros.bags.schemas import typestore
 from msrd_ros.bags.writer import keep_stroke, write_bag
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import CONTRACT, BagMessage
 from msrd_ros.contract.translation import EpisodeAssembler
+from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.player import main
+from msrd_ros.nodes.recorder_inputs import import_message_type
 from msrd_ros.recordings.episodes import read_episodes
 from processes import Launcher, RunningProcess
 from stroke_source import message_class
@@ -169,15 +175,56 @@ def test_a_choice_is_played_and_broken_bags_are_named(
     file = next(torn.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[:20_000])
     gone = keep(tmp_path, "backhand-push", "s01", number=5)
-    (gone / "metadata.yaml").unlink()
+    (gone / "metadata.yaml").write_text("{")
     parameters = {"bags": f"[{tmp_path}]", "labels": "[backhand-push]", "subjects": "[s01]", "rate": 20.0}
     process = launcher.start("player", parameters=parameters)
     listener.hear(process)
     assert process.wait() == 0
     assert listener.messages["joint_states"] == of(Bag(wanted).raw(), "joint_states")
-    process.wait_for_line(rf"left out: bag {gone}: has no metadata.yaml")
+    process.wait_for_line(rf"left out: bag {gone}: metadata.yaml is not readable")
     process.wait_for_line(rf"left out: bag {torn}: is cut off or damaged")
     process.wait_for_line("played 1 bags, .*, 1 left out")
+
+
+def test_topics_of_others_are_passed_over_by_name(
+    launcher: Launcher, listener: Listener, tmp_path: Path
+) -> None:
+    stroke = at_root(stroke_messages())
+    path = tmp_path / "session"
+    foreign = {"/odd": "test_msgs/msg/BasicTypes", "/module": "antigravity/msg/Comic", "/no type": "os/path"}
+    names = dict.fromkeys(message.topic for message in stroke)
+    with RosbagWriter(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {
+            name: writer.add_connection(name, CONTRACT[name.lstrip("/")].type_name, typestore=typestore())
+            for name in names
+        }
+        for name, kind in foreign.items():
+            connections[name] = writer.add_connection(name, kind, msgdef="bool flag", rihs01="RIHS01_0")
+        for message in stroke:
+            writer.write(connections[message.topic], message.log_time_ns, message.data)
+        for name in foreign:
+            writer.write(connections[name], stroke[-1].log_time_ns, b"\0\1\0\0\1")
+    process = launcher.start("player", parameters={"bags": f"[{path}]", "rate": 10.0})
+    listener.hear(process)
+    assert process.wait() == 0, process.output
+    assert len(listener.messages["rally/outcome"]) == 1
+    for name in foreign:
+        process.wait_for_line(f"topic {name} is not played")
+    assert "played 1 bags" in process.output
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["os/path", "antigravity/msg/Comic", "std_msgs/srv/Empty", "std_msgs.msg/String", "sys/msg/Path", "",
+     "std_msgs/msg/../String", "msrd_ros/msg/Table", "std_msgs/msg/__doc__"],
+)  # fmt: skip
+def test_only_classes_of_messages_are_imported(name: str) -> None:
+    before = set(sys.modules)
+    with pytest.raises(UserError, match="message type"):
+        import_message_type(name)
+    assert set(sys.modules) == before
+    assert import_message_type("nav_msgs/msg/Odometry").__name__ == "Odometry"
 
 
 def test_a_label_that_only_the_name_tells_is_sent_as_strategy(

@@ -267,7 +267,7 @@ def test_the_subject_changes_between_strokes(
     refused = set_parameter(source, "subject", "../elsewhere")
     assert not refused.successful
     assert "use a-z, 0-9 and _ only" in refused.reason
-    assert "when the node starts" in set_parameter(source, "pre_roll_s", 1.0).reason
+    assert "can only be set when it starts" in set_parameter(source, "pre_roll_s", 1.0).reason
     source.send(simulated(2))
     assert source.verdict(3)["path"] == str(tmp_path / "s02" / "forehand-push_002")
     assert {bag.subject for bag in BagLibrary.scan(tmp_path).bags} == {"s01", "s02"}
@@ -319,7 +319,7 @@ def test_killed_in_mid_stroke_every_accepted_bag_is_whole(
 
 def test_a_recorder_alone_on_its_domain_says_so(launcher: Launcher, tmp_path: Path, domain_id: int) -> None:
     process = launcher.start("recorder", parameters={"directory": tmp_path})
-    process.wait_for_line(f"nobody publishes joint_states.* on domain {domain_id}; start the simulator")
+    process.wait_for_line(rf"waits for joint_states: start a simulator .*\(on domain {domain_id}\)")
     assert process.stop() == 0
 
 

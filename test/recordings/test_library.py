@@ -54,7 +54,9 @@ def test_one_bag_and_several_folders_are_folders_too(folder: Path) -> None:
 
 
 def test_broken_bags_are_listed_or_refused_by_name(folder: Path) -> None:
-    (folder / "s01" / "forehand-push_001" / "metadata.yaml").unlink()
+    torn = next((folder / "s01" / "forehand-push_001").glob("*.mcap"))
+    torn.write_bytes(torn.read_bytes()[:-100])
+    (torn.parent / "metadata.yaml").unlink()
     (folder / "s01" / "forehand-push_002" / "metadata.yaml").write_text("{")
     (folder / "s02" / "backhand-slice_001").rename(folder / "s02" / "backhand-topspin_001")
     library = BagLibrary.scan(folder)

@@ -119,6 +119,11 @@ def test_a_folder_is_as_good_as_a_name(folder: Path) -> None:
     assert mine.model.tobytes() == shipped.model.tobytes()
 
 
+def test_a_sheet_may_say_its_format(folder: Path) -> None:
+    rewrite_sheet(folder, put("format", 1))
+    assert load_robot(folder) == default_robot()
+
+
 @pytest.mark.parametrize("key", ["position_upper_rad", "speed_rad_s"])
 def test_narrower_limits_make_another_robot_of_the_same_name(folder: Path, key: str) -> None:
     rewrite_sheet(folder, put(f"limits.{key}.5", 2.9))
@@ -183,6 +188,8 @@ def test_a_name_that_nobody_has_lists_those_that_there_are() -> None:
         (put("keep_out.0", "right_l2"), ["keep_out[0]", "link is missing"]),
         (drop("keep_out.3.radius_m"), ["keep_out[3]", "radius_m is missing"]),
         (put("teaching.brake_full", 1.5), ["teaching.brake_full is 1.5", "from 0 to 1"]),
+        (put("format", 2), ["is of format 2", "upgrade msrd_ros"]),
+        (put("format", "new"), ["format 'new' is no version"]),
         (put("colour", "red"), ["colour is unknown", "home_rad"]),
         (put("limits.jerk_rad_s3", [1.0] * 7), ["limits.jerk_rad_s3 is unknown", "limits.speed_rad_s"]),
         (

@@ -17,7 +17,10 @@ from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_atomically
+from msrd_ros.core.formats import FIRST_FORMAT, FORMAT_KEY, require_format
 from msrd_ros.studies.shared.task import Demonstrators
+
+DEMONSTRATORS_FORMAT = 1
 
 T = TypeVar("T")
 M = TypeVar("M", bound=Demonstrators)
@@ -25,7 +28,7 @@ M = TypeVar("M", bound=Demonstrators)
 
 def write_demonstrators(path: Path, recipe: Any, report: dict[str, Any], tensors: dict[str, Tensor]) -> None:
     """Write tensors with a recipe (a dataclass) and a report (data for JSON)."""
-    header = {"recipe": asdict(recipe), "report": report}
+    header = {FORMAT_KEY: DEMONSTRATORS_FORMAT, "recipe": asdict(recipe), "report": report}
     write_atomically(path, save_tensors(tensors, metadata={"msrd_ros": json.dumps(header)}))
 
 
@@ -59,12 +62,13 @@ def read_demonstrators(
     Raises
     ------
     UserError
-        If the file is missing or damaged.
+        If the file is missing, damaged or of a newer format.
     """
     try:
         data = path.read_bytes()
         length = int.from_bytes(data[:8], "little")
         header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["msrd_ros"])
+        require_format(header.get(FORMAT_KEY, FIRST_FORMAT), DEMONSTRATORS_FORMAT, str(path))
         return make(header["recipe"], header["report"], load_tensors(data))
-    except (OSError, KeyError, TypeError, ValueError, SafetensorError) as error:
+    except (OSError, AttributeError, KeyError, TypeError, ValueError, SafetensorError) as error:
         raise UserError(f"{path}: no readable demonstrators ({error}); reinstall the package") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from contextlib import ExitStack
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import read_report
 from msrd_ros.stack.monitor import Monitor
 from msrd_ros.stack.processes import NodeProcess, own_domain
 from msrd_ros.studies.table_tennis.recording import Progress
@@ -139,7 +139,7 @@ def exchange_while_playing(lesson: Lesson, plan: LivePlan, progress: Progress) -
             at_s = time.monotonic() - begun_s
             with NodeProcess("evaluator", asked, environment, lesson.log("evaluator")) as evaluator:
                 evaluator.wait((simulator, executor))
-            rows = json.loads(report.read_text())["labels"].values()
+            rows = read_report(report)["labels"].values()
             point = {name: sum(row[name] for row in rows) for name in ("fed", "struck", "returned")}
             played = int(monitor.values("executor").get("swaps", begun))
             points.append({"seconds": 0.5 * (at_s + time.monotonic() - begun_s), "policies": played, **point})

@@ -30,6 +30,11 @@ Pose = NDArray[np.float64]
 _TABLE = obstacle(Table())
 
 
+def room(robot: Robot, pose: Pose) -> float:
+    """Least distance in m of the arm at `pose` (N,) from table, floor, stand and itself."""
+    return min(clearance(robot.model, pose, _TABLE), self_clearance(robot.model, pose))
+
+
 def follow_path(
     robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose, period_s: float
 ) -> tuple[JointReference, Sequence[Pose]]:
@@ -94,16 +99,11 @@ def _lifted(robot: Robot, pose: Pose, lift: float) -> Pose:
 def _least_clearance(robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose) -> float:
     """Least clearance in m after any period on the path; of a goal that is not reached in time, -inf."""
     # Nobody can help where the arm is now or that the goal is where it is.
-    fixed_m = min(_room(robot, reference.position), _room(robot, goal)) - 1e-3
+    fixed_m = min(room(robot, reference.position), room(robot, goal)) - 1e-3
     least_m = np.inf
     for _ in range(round(_LONGEST_S / CONTROL_PERIOD_S)):
         reference, path = follow_path(robot, reference, path, goal, CONTROL_PERIOD_S)
-        least_m = min(least_m, _room(robot, reference.position))
+        least_m = min(least_m, room(robot, reference.position))
         if not path and np.abs(reference.position - goal).max() < _CLOSE_RAD:
             return least_m if least_m < fixed_m else np.inf
     return -np.inf
-
-
-def _room(robot: Robot, pose: Pose) -> float:
-    """Least distance in m of the arm from table, floor, stand and itself."""
-    return min(clearance(robot.model, pose, _TABLE), self_clearance(robot.model, pose))

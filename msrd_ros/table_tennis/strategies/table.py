@@ -22,7 +22,10 @@ import yaml
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import FIRST_FORMAT, FORMAT_KEY, require_format
 from msrd_ros.core.resources import share_directory
+
+STRATEGIES_FORMAT = 1
 
 _KEYS = frozenset({"side", "stroke", "description", "spin_rad_s", "colour"})
 _COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
@@ -115,6 +118,7 @@ class Strategies:
             raise UserError(f"strategies {path}: not readable ({reason}); mend it or name another") from None
         if not isinstance(content, dict) or not isinstance(content.get("strategies"), dict):
             raise UserError(f"strategies {path}: has no map named strategies; see config/strategies.yaml")
+        require_format(content.get(FORMAT_KEY, FIRST_FORMAT), STRATEGIES_FORMAT, f"strategies {path}")
         found = [
             _read_entry(name, entry, f"strategies {path}") for name, entry in content["strategies"].items()
         ]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, action_to_velocity, observe
 from msrd_ros.contract.translation import BallTracker
-from msrd_ros.robots.limits import JointReference, shape_command
+from msrd_ros.robots.limits import JointReference, shape_command, velocity_towards
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
 
@@ -20,6 +20,8 @@ PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 READY_TOLERANCE_RAD = 1e-5
 TRACKING_TOLERANCE_RAD = 0.25
 """A joint further than this from its command has met something."""
+FOUND_AGAIN = 0.2
+"""Share of it within which the arm is back at its command."""
 
 
 class Phase(Enum):
@@ -36,8 +38,9 @@ class StrokePlayer:
 
     Between balls the reference moves to the ready pose and rests there. From the first sample that shows a
     fed ball the policy acts for `ACTING_STEPS` ticks; then the arm comes to rest until the episode is over.
-    A ball that is fed before the arm is ready is let through. An arm that strays from its command is led on
-    from where it is, and its stroke is over.
+    A ball that is fed before the arm is ready is let through. If the arm strays from its command, its stroke
+    is over, and the reference comes back to where the arm is before it goes on. The reference never leaps:
+    from each command to the next the limits hold, whatever is measured.
 
     Parameters
     ----------
@@ -57,16 +60,18 @@ class StrokePlayer:
     ) -> None:
         self._robot = robot
         self._rest = np.zeros(robot.joint_count)
-        self.reference = JointReference(joint_position.copy(), self._rest.copy())
+        self._measured = self._within_limits(joint_position)
+        self.reference = JointReference(self._measured.copy(), self._rest.copy())
         self.phase = Phase.READYING
         self.strokes_begun = 0
         self._tracking_tolerance_rad = tracking_tolerance_rad
         self._policy: PolicyFunction | None = None
-        self._ready_pose: NDArray[np.float64] = joint_position.copy()
+        self._ready_pose: NDArray[np.float64] = self._measured.copy()
         self._began_at: tuple[NDArray[np.float64], ...] = ()
         self._path: Sequence[NDArray[np.float64]] | None = ()
         self._ball = BallTracker()
         self._step = 0
+        self._astray = False
 
     @property
     def between_strokes(self) -> bool:
@@ -101,11 +106,31 @@ class StrokePlayer:
         self._ready_pose = np.clip(ready_pose, self._robot.limits.lowest_rad, self._robot.limits.highest_rad)
         self._set_out()
 
+    def begin_at(self, joint_position: NDArray[np.float64]) -> None:
+        """Start anew from where the arm rests, shape (N,), rad, after a time in which nobody commanded it."""
+        self._measured = self._within_limits(joint_position)
+        self.go_on_from(JointReference(self._measured.copy(), self._rest.copy()))
+        self._astray = False
+
+    def go_on_from(self, reference: JointReference) -> None:
+        """Take another state, (N,) in rad and rad/s, for the one commanded last; a stroke is over."""
+        self.reference = reference
+        self.forget_ball()
+        if self.phase is not Phase.RESTING:
+            self._set_out()
+
+    def forget_ball(self) -> None:
+        """Let a ball through that is in flight or comes without being seen; a stroke is over."""
+        self._ball = BallTracker()
+        # As if it had been fed before: a stroke begins with a ball that is seen before it flies.
+        self._ball.fed = True
+        self.phase = Phase.RESTING if self.phase is Phase.STROKE else self.phase
+
     def tick(
         self,
         joint_position: NDArray[np.float64],
-        ball_position: NDArray[np.float64],
-        ball_stamp_ns: int,
+        ball_position: NDArray[np.float64] | None,
+        ball_stamp_ns: int = 0,
         period_s: float = CONTROL_PERIOD_S,
     ) -> JointReference:
         """Next command: joint positions and velocities one control period from now.
@@ -115,7 +140,7 @@ class StrokePlayer:
         joint_position
             As measured, shape (N,), rad.
         ball_position
-            Newest camera sample, shape (3,), m.
+            Newest camera sample, shape (3,), m; None where it cannot be trusted.
         ball_stamp_ns
             When it was taken.
         period_s
@@ -127,8 +152,11 @@ class StrokePlayer:
             If the policy's output is not a number; the caller then holds still.
         """
         self.follow(joint_position)
+        if ball_position is None:
+            self.forget_ball()
         was_fed = self._ball.fed
-        self._ball.add(ball_position, ball_stamp_ns)
+        if ball_position is not None:
+            self._ball.add(ball_position, ball_stamp_ns)
         if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
             self.phase, self._step = Phase.STROKE, 0
             self.strokes_begun += 1
@@ -139,6 +167,9 @@ class StrokePlayer:
             self.reference = shape_command(
                 self._robot, self.reference, action_to_velocity(self._robot, action), period_s
             )
+        elif self._astray:
+            back = velocity_towards(self._robot, self.reference, self._measured, period_s)
+            self.reference = shape_command(self._robot, self.reference, back, period_s)
         elif self.phase is Phase.RESTING:
             self.reference = shape_command(self._robot, self.reference, self._rest, period_s)
         else:
@@ -147,21 +178,31 @@ class StrokePlayer:
         return self.reference
 
     def follow(self, joint_position: NDArray[np.float64]) -> float:
-        """Start anew from the arm, shape (N,), rad, if it has strayed; how far the worst joint is off."""
-        error = float(np.abs(joint_position - self.reference.position).max())
+        """See where the arm is, shape (N,), rad; how far the worst joint is off its command.
+
+        If that is too far, the reference comes back to the arm before anything else.
+        """
+        self._measured = self._within_limits(joint_position)
+        error = float(np.abs(self._measured - self.reference.position).max())
         if error > self._tracking_tolerance_rad:
-            self.reference = JointReference(joint_position.copy(), self._rest.copy())
+            self._astray = True
             if self.phase in (Phase.STROKE, Phase.RESTING):
                 self.phase = Phase.RESTING
             else:
                 self._set_out()
+        elif error < FOUND_AGAIN * self._tracking_tolerance_rad:
+            self._astray = False
         return error
 
     def hold(self, period_s: float = CONTROL_PERIOD_S) -> JointReference:
         """Decelerate to a stop and stay: for stale inputs, a disabled executor or an unusable policy."""
-        self.phase = Phase.RESTING if self.phase is Phase.STROKE else self.phase
+        self.forget_ball()
         self.reference = shape_command(self._robot, self.reference, self._rest, period_s)
         return self.reference
+
+    def _within_limits(self, joint_position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As measured, less what a joint at its stop is beyond it."""
+        return np.clip(joint_position, self._robot.limits.lower_rad, self._robot.limits.upper_rad)
 
     def _set_out(self) -> None:
         """Make for the ready pose, on a path that is found when the arm moves: until then it may change."""

@@ -22,6 +22,8 @@ from msrd_ros.table_tennis.strategies.table import Side, Strategies
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (N + 6,) to an action (N,)."""
+MOST_NOISE_RAD = 0.2
+"""Of the start posture while exploring; the trainer's parameter goes as far."""
 
 
 def stroke_layout(robot: Robot, labels: Sequence[StrategyLabel] = ()) -> Layout:
@@ -146,29 +148,37 @@ class StrokePolicies:
         """
         policies = PolicySet.from_bytes(data, where)
         arm = robot or default_robot()
+        details = policies.details
         # 0.1.0 knew one arm and did not say so.
-        arm.require(str(policies.details.get("robot", DEFAULT_ROBOT)), where)
+        arm.require(str(details.get("robot", DEFAULT_ROBOT)), where)
         policies.layout.require(stroke_layout(arm), where)
-        strokes = policies.details.get("strokes")
+        strokes = details.get("strokes")
         if not isinstance(strokes, dict):
             raise UserError(f"{where}: has no ready poses; give a policies file that the trainer node wrote")
         facts = {}
         for text in policies.layout.labels:
             label = StrategyLabel.parse(text, where)
-            try:
-                ready_pose = np.array(strokes[text]["ready_pose"], dtype=np.float64)
-                landing_point = np.array(strokes[text]["landing_point"], dtype=np.float64)
-            except (KeyError, TypeError, ValueError):
-                raise UserError(f"{where}: the ready pose of {text} is missing; train again") from None
+            stroke = strokes.get(text)
+            if not isinstance(stroke, dict):
+                raise UserError(f"{where}: the ready pose of {text} is missing; train again")
+            ready_pose = _read_numbers(stroke, "ready_pose", label, where)
+            landing_point = _read_numbers(stroke, "landing_point", label, where)
             if ready_pose.shape != (arm.joint_count,):
-                raise UserError(f"{where}: ready pose of {text} has {ready_pose.size} joints; train again")
+                raise UserError(
+                    f"{where}: ready pose of {text} has {ready_pose.size} joints, {arm.name} has "
+                    f"{arm.joint_count}; train again"
+                )
+            if landing_point.shape != (2,) or np.isinf(landing_point).any():
+                raise UserError(
+                    f"{where}: landing point of {text} is {landing_point.tolist()}, not x and y; train again"
+                )
             fits = (ready_pose >= arm.limits.lower_rad) & (ready_pose <= arm.limits.upper_rad)
             if not fits.all():
                 joint = arm.joint_names[int(np.argmin(fits))]
                 raise UserError(f"{where}: ready pose of {text}: joint {joint} is out of its limits")
-            facts[label] = StrokeFacts(ready_pose, landing_point, _read_side(strokes[text], label, where))
-        details = policies.details
-        return cls(policies, facts, details.get("exploration_seed"), details.get("ready_noise_rad", 0.0), arm)
+            facts[label] = StrokeFacts(ready_pose, landing_point, _read_side(stroke, label, where))
+        seed, noise_rad = _read_exploration(details, where)
+        return cls(policies, facts, seed, noise_rad, arm)
 
     @classmethod
     def load(cls, path: Path, robot: Robot | None = None) -> StrokePolicies:
@@ -180,6 +190,33 @@ class StrokePolicies:
                 f"{path}: cannot read the checkpoint ({error.strerror}); train one, or mend the path"
             ) from None
         return cls.from_bytes(data, str(path), robot)
+
+
+def _read_numbers(
+    stroke: Mapping[str, Any], name: str, label: StrategyLabel, where: str
+) -> NDArray[np.float64]:
+    """A list of numbers; null stands for one that is not known."""
+    what = f"{where}: the {name.replace('_', ' ')} of {label}"
+    if name not in stroke:
+        raise UserError(f"{what} is missing; train again")
+    try:
+        numbers = np.array(stroke[name], dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise UserError(f"{what} does not hold numbers; train again") from None
+    return numbers
+
+
+def _read_exploration(details: Mapping[str, Any], where: str) -> tuple[int | None, float]:
+    """Seed and spread of the start posture while exploring; files of policies to be played have none."""
+    seed, noise_rad = details.get("exploration_seed"), details.get("ready_noise_rad", 0.0)
+    if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
+        raise UserError(f"{where}: exploration_seed is {seed!r}, not a whole number; train again")
+    is_number = isinstance(noise_rad, int | float) and not isinstance(noise_rad, bool)
+    if not is_number or not 0.0 <= noise_rad <= MOST_NOISE_RAD:
+        raise UserError(
+            f"{where}: ready_noise_rad is {noise_rad!r}, not from 0 to {MOST_NOISE_RAD:g}; train again"
+        )
+    return seed, float(noise_rad)
 
 
 def _read_side(stroke: Mapping[str, Any], label: StrategyLabel, where: str) -> Side:

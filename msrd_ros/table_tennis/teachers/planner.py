@@ -2,8 +2,8 @@
 
 Each side is one least-squares problem, `side`, solved from good postures that a seeded search within the
 robot's planning space finds; the best plan is taken whose ready pose the arm gets to and from without
-touching table, floor or itself. Planning takes a minute or two; its result is kept beside the robot's
-description, for the table and the nominal feeds as they are.
+touching table, floor or itself, and which returns the nominal ball when it is played. Planning takes a minute
+or two; its result is kept beside the robot's description, for the table and the nominal feeds as they are.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from numpy.typing import NDArray
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_text
+from msrd_ros.core.formats import FIRST_FORMAT, FORMAT_KEY, require_format
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.quintic import JointStroke, stroke_from_rest
 from msrd_ros.robots.robot import Robot
-from msrd_ros.table_tennis.arm.collision_model import clearance, obstacle, self_clearance
-from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
+from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path, room
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.hit_solver import TIME, angles_of, rates_of, solve_hit
+from msrd_ros.table_tennis.teachers.open_loop import play_open_loop
 from msrd_ros.table_tennis.teachers.side import (
     PATH_PERIOD_S,
     PlannerConfig,
@@ -44,10 +45,14 @@ Array = NDArray[np.float64]
 
 PLAN_FILE = "strokes.yaml"
 """Beside ``robot.yaml``."""
+PLAN_FORMAT = 1
 
 _ANOTHER_FAMILY_RAD = 0.3
 _LONGEST_PATH_STEPS = 500
 _LEAST_ROOM_M = 0.03
+
+MOST_COST = 10.0
+"""Of a side's plan; those of the arms that ship cost 0.9 to 5.3. Above it some condition is missed by far."""
 
 
 def plan_side(
@@ -65,17 +70,32 @@ def plan_side(
     Raises
     ------
     UserError
-        If no plan keeps clear of table, floor and arm.
+        If no plan keeps clear of table, floor and arm, is within what the arm can do, and returns the ball.
     """
     constants = scene.constants()
     problem = SideProblem(robot, side, config, feed_path(feeder.nominal(side), constants), constants)
-    best = _solve_clear(problem, resting)
+    faults = []
+    for plan, cost in sorted(_solve_families(problem, resting), key=lambda found: found[1]):
+        strokes = _strokes_of(problem, plan)
+        fault = find_fault(robot, strokes, cost, resting, scene, feeder)
+        if not fault:
+            return strokes
+        faults.append(fault)
+    faults.append("no posture found that is reached clear of table and arm")
+    raise UserError(
+        f"{robot.folder}: no {side} strokes: {faults[0]}; move `base` in robot.yaml, widen what `planning` "
+        "allows, or give the limits that the arm really has"
+    )
+
+
+def _strokes_of(problem: SideProblem, plan: Array) -> dict[PaperLabel, JointStroke]:
+    robot, config = problem.robot, problem.config
     return {
         label: stroke_from_rest(
-            best[: robot.joint_count],
-            float(problem.hit(best, index)[TIME]),
-            angles_of(problem.hit(best, index)).copy(),
-            rates_of(problem.hit(best, index)) * robot.limits.speed_rad_s,
+            plan[: robot.joint_count],
+            float(problem.hit(plan, index)[TIME]),
+            angles_of(problem.hit(plan, index)).copy(),
+            rates_of(problem.hit(plan, index)) * robot.limits.speed_rad_s,
             swing_s=config.swing_s,
             follow_s=config.follow_s,
         )
@@ -83,8 +103,37 @@ def plan_side(
     }
 
 
-def _solve_clear(problem: SideProblem, resting: list[Array]) -> Array:
-    """The best plan of one side found whose paths to and from the resting postures are clear."""
+def find_fault(
+    robot: Robot,
+    strokes: dict[PaperLabel, JointStroke],
+    cost: float,
+    resting: list[Array],
+    scene: Scene,
+    feeder: Feeder,
+) -> str:
+    """What is wrong with a side's planned strokes; empty if nothing is.
+
+    Parameters
+    ----------
+    cost
+        Of the plan that they come from.
+    resting
+        Postures (N,) that the arm comes from and goes to between strokes.
+    """
+    if cost > MOST_COST:
+        return (
+            f"the best plan asks for more than the arm can do (cost {cost:.1f}, at most {MOST_COST:g}, of "
+            "speed, acceleration, room and where the ball lands)"
+        )
+    if not _paths_are_clear(robot, next(iter(strokes.values())).start.position, resting):
+        return "the ready pose is not reached clear of table and arm"
+    returned = play_open_loop(robot, strokes, np.random.default_rng(0), scene=scene, feeder=feeder).returned
+    missed = [str(label) for label, balls in zip(strokes, returned, strict=True) if not balls.all()]
+    return f"planned {', '.join(missed)} played as planned does not return the nominal ball" if missed else ""
+
+
+def _solve_families(problem: SideProblem, resting: list[Array]) -> list[tuple[Array, float]]:
+    """Plans of one side from different families of postures, each with its cost."""
     config, robot = problem.config, problem.robot
     count = robot.joint_count
     rng = np.random.default_rng(config.seed)
@@ -103,14 +152,7 @@ def _solve_clear(problem: SideProblem, resting: list[Array]) -> Array:
         another = all(np.abs(ready - other[:count]).max() > _ANOTHER_FAMILY_RAD for other in families)
         if another and len(families) < config.refined and _paths_are_clear(robot, ready, resting):
             families.append(start)
-    plans = sorted((problem.solve(start) for start in families), key=lambda plan: plan[1])
-    for plan, _ in plans:
-        if _paths_are_clear(robot, plan[:count], resting):
-            return plan
-    raise UserError(
-        f"{robot.folder}: no strokes found that keep clear of table and arm; move `base` in robot.yaml, or "
-        "widen what `planning` allows"
-    )
+    return [problem.solve(start) for start in families]
 
 
 def _paths_are_clear(robot: Robot, ready: Array, resting: list[Array]) -> bool:
@@ -119,21 +161,19 @@ def _paths_are_clear(robot: Robot, ready: Array, resting: list[Array]) -> bool:
     return all(room_on_path(robot, start, goal) > _LEAST_ROOM_M for start, goal in paths)
 
 
-def room_on_path(robot: Robot, start: Array, goal: Array, scene: Scene | None = None) -> float:
+def room_on_path(robot: Robot, start: Array, goal: Array) -> float:
     """Least distance in m of the arm from table, floor, stand and itself, on the way from rest to rest.
 
     The path is the one that the executor takes between strokes.
     """
-    table = obstacle((scene or Scene()).table)
     reference = JointReference(start.copy(), np.zeros_like(start))
     path = find_path(robot, reference, goal)
     least_m = np.inf
     left: Any = path
     for _ in range(_LONGEST_PATH_STEPS):
         reference, left = follow_path(robot, reference, left, goal, CONTROL_PERIOD_S)
-        here = reference.position
-        least_m = min(least_m, clearance(robot.model, here, table), self_clearance(robot.model, here))
-        if not left and np.abs(here - goal).max() < 1e-3:
+        least_m = min(least_m, room(robot, reference.position))
+        if not left and np.abs(reference.position - goal).max() < 1e-3:
             break
     return float(least_m)
 
@@ -191,7 +231,10 @@ def write_strokes(robot: Robot, strokes: dict[PaperLabel, JointStroke], path: Pa
         "# Times in s since the ball's launch, angles in rad. `planned_for` tells the arm as it was then.\n"
     )
     body = yaml.safe_dump(
-        {"planned_for": plan_key(robot), **document}, sort_keys=False, default_flow_style=None, width=110
+        {FORMAT_KEY: PLAN_FORMAT, "planned_for": plan_key(robot), **document},
+        sort_keys=False,
+        default_flow_style=None,
+        width=110,
     )
     write_text(path, head + body)
 
@@ -230,9 +273,10 @@ def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[Pa
     remedy = f"write them with python -m msrd_ros plan {path.parent}"
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        require_format(document.get(FORMAT_KEY, FIRST_FORMAT), PLAN_FORMAT, str(path))
         planned_for = document["planned_for"]
         strokes = {label: _stroke(document[str(label)], joints) for label in ALL_LABELS}
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+    except (OSError, ValueError, AttributeError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{path}: no usable planned strokes ({error!r}); {remedy}") from None
     if planned_for != key:
         raise UserError(f"{path}: planned for the arm as it was ({planned_for}, now {key}); {remedy}")

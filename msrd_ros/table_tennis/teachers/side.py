@@ -2,7 +2,8 @@
 
 Unknowns are the ready pose and the three hits. Residuals are those of the hits (`hit_solver`), and those of
 the motions from the ready pose through each hit to rest: within a share of the limits, clear of the table,
-and such that the arm takes them by itself when its paddle is led through them.
+such that the arm takes them by itself when its paddle is led through them, and with a paddle that can still
+move every way at the hit.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ _HAND_NM = _HAND_SHARE * GuidanceConfig().torque_limit_nm
 """What the hand that leads the arm is asked for at most."""
 LEAST_ROOM_M = 0.04
 """Between parts of the arm, and to its stand."""
+LEAST_SINGULAR_VALUE = 0.13
+"""Of the paddle's Jacobian (m and rad alike) at a hit: with less, corrections of the hit cost large rates."""
 _STROKES = tuple(Stroke)
 _PHASES = np.linspace(0.0, 1.0, 13)[1:-1]
 
@@ -65,6 +68,7 @@ _UNLED_TORQUE_NM = 2.0
 _MIDDLE_PULL = 0.15
 _HAND_EXCESS_N = 5.0
 _HAND_EXCESS_NM = 0.5
+_SINGULAR_EXCESS = 0.02
 
 _TABLE_NEAR_X_M = -1.65
 
@@ -184,6 +188,8 @@ def _motion_residuals(
         _DETOUR * swing_s * speed_limit
     )
     place += count
+    out[place] = singular_residual(arm, position)
+    place += 1
     end, _, _ = follow_state(position, velocity, follow_s, 1.0)
     out[place] = _room_residual(arm, end)
     out[place + 1 : place + 1 + count] = _posture_excess(end, lower, upper)
@@ -225,6 +231,13 @@ def _unled_torque(arm: Arm, damping: Array, joints: Array, rates: Array, acceler
     length = np.sqrt(np.sum(spare * spare)) + 1e-12
     effort: float = np.sum(spare * (torque + damping * rates)) / length
     return effort
+
+
+@njit(cache=True, nogil=True)
+def singular_residual(arm: Arm, joints: Array) -> float:
+    """How near to a singular posture joint angles (N,) are: 0 where the paddle can move every way."""
+    least: float = np.linalg.svd(paddle_jacobian(arm, joints))[1][-1]
+    return max(LEAST_SINGULAR_VALUE - least, 0.0) / _SINGULAR_EXCESS
 
 
 @njit(cache=True, nogil=True)

@@ -79,6 +79,7 @@ def test_what_follows_from_a_name_alone() -> None:
     [
         ("[1", "not readable"),
         ("a: 1", "no map named strategies"),
+        ("{format: 2, strategies: {}}", "is of format 2, .* upgrade msrd_ros"),
         ("strategies: {Smash: {}}", "'Smash' is no strategy label"),
         ("strategies: {world: {}}", "'world' is a frame's name"),
         ("strategies: {a: {sides: x}}", "a: give some of"),

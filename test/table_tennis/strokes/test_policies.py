@@ -103,6 +103,74 @@ def test_ready_poses_are_needed_and_must_be_reachable() -> None:
             StrokePolicies.from_bytes(replace(policies, facts=facts).to_bytes(), "x")
 
 
+@pytest.mark.parametrize(
+    ("details", "words"),
+    [
+        (None, "details are no mapping"),
+        ("text", "details are no mapping"),
+        ({"strokes": []}, "has no ready poses"),
+        ({"exploration_seed": "x"}, "exploration_seed is 'x', not a whole number"),
+        ({"exploration_seed": -1}, "exploration_seed is -1"),
+        ({"ready_noise_rad": 5.0}, "ready_noise_rad is 5.0, not from 0 to 0.2"),
+        ({"ready_noise_rad": None}, "ready_noise_rad is None"),
+        ({"robot": None}, "is of the robot None, not sawyer"),
+    ],
+)
+def test_malformed_details_are_refused_though_the_weights_are_whole(details: Any, words: str) -> None:
+    policies = made_up_policies(ALL_LABELS[:1])
+    if isinstance(details, dict):
+        whole = StrokePolicies.from_bytes(policies.to_bytes(), "x").policies.details
+        details = {**whole, **details}
+    data = replace(policies.policies, details=details).to_bytes()
+    with pytest.raises(UserError, match=f"^x: .*{words}"):
+        StrokePolicies.from_bytes(data, "x")
+
+
+@pytest.mark.parametrize(
+    ("fact", "words"),
+    [
+        (None, "the ready pose of forehand-push is missing"),
+        ({"ready_pose": None}, "ready pose of forehand-push has 1 joints, sawyer has 7"),
+        ({"ready_pose": [0.0] * 6}, "ready pose of forehand-push has 6 joints, sawyer has 7"),
+        ({"ready_pose": [0.0] * 8}, "ready pose of forehand-push has 8 joints, sawyer has 7"),
+        ({"ready_pose": [0.0] * 6 + ["x"]}, "the ready pose of forehand-push does not hold numbers"),
+        ({"landing_point": [0.1]}, r"landing point of forehand-push is \[0.1\], not x and y"),
+        ({"landing_point": {}}, "the landing point of forehand-push does not hold numbers"),
+        ({"landing_point": [float("inf"), 0.0]}, "landing point of forehand-push is"),
+        ({"side": 3}, "the side of forehand-push is missing or unknown"),
+    ],
+)
+def test_malformed_facts_are_refused_though_the_weights_are_whole(fact: Any, words: str) -> None:
+    policies = made_up_policies(ALL_LABELS[:1])
+    whole = StrokePolicies.from_bytes(policies.to_bytes(), "x").policies
+    label = str(ALL_LABELS[0])
+    stroke = fact if fact is None else {**whole.details["strokes"][label], **fact}
+    details = {**whole.details, "strokes": {label: stroke}}
+    with pytest.raises(UserError, match=f"^x: .*{words}"):
+        StrokePolicies.from_bytes(replace(whole, details=details).to_bytes(), "x")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("bias/0", lambda value: value[:, :, :-1], "tensor bias/0 has the shape"),
+        ("weight/1", lambda value: value[:, :-1], "tensor weight/1 has the shape"),
+        ("weight/0", lambda value: value[0], "a weight is no stack of matrices"),
+        ("log_std", lambda value: value[:, :, :-1], "tensor log_std has the shape"),
+        ("indices", lambda value: value - 1, "the first layer does not go with the observation"),
+        ("indices", lambda value: value.astype(np.float32), "the first layer does not go"),
+        ("scale", lambda value: 0.0 * value, "a column is scaled by zero"),
+        ("offset", lambda value: value[:-1], "tensor offset has the shape"),
+    ],
+)
+def test_weights_that_do_not_go_together_are_refused(name: str, change: Any, words: str) -> None:
+    policies = made_up_policies(ALL_LABELS[:2])
+    tensors = {**policies.policies.tensors, name: change(policies.policies.tensors[name])}
+    data = replace(policies, policies=replace(policies.policies, tensors=tensors)).to_bytes()
+    with pytest.raises(UserError, match=rf"x: damaged checkpoint \({words}"):
+        StrokePolicies.from_bytes(data, "x")
+
+
 def test_a_strategy_or_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(
         UserError, match="no policy for strategy backhand-push; the checkpoint has forehand-push"

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.paddle import BLADE_RADIUS_M
 from msrd_ros.robots.kinematics import paddle_pose
@@ -18,23 +17,27 @@ from msrd_ros.robots.quintic import JointState, JointStroke, swing_effort
 from msrd_ros.table_tennis.ball.feeder import EASY, NO_SPREAD, STANDARD, Feeder, FeedSpread
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path, path_at, return_flight
-from msrd_ros.table_tennis.simulation.batched import (
-    KinematicRallies,
-    KinematicRalliesConfig,
-    RallyPlan,
-    RallyResults,
-    RallyVariation,
-)
+from msrd_ros.table_tennis.simulation.batched import RallyResults
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel, Stroke
 from msrd_ros.table_tennis.strategies.table import Side, Strategies
 from msrd_ros.table_tennis.teachers.hit_solver import TIME, carry_out, rates_of, solve_hit
-from msrd_ros.table_tennis.teachers.planner import PLAN_FILE, planned_strokes, room_on_path, write_strokes
+from msrd_ros.table_tennis.teachers.open_loop import play_open_loop
+from msrd_ros.table_tennis.teachers.planner import (
+    MOST_COST,
+    PLAN_FILE,
+    find_fault,
+    plan_side,
+    planned_strokes,
+    room_on_path,
+    write_strokes,
+)
 from msrd_ros.table_tennis.teachers.side import (
     PATH_PERIOD_S,
     PlannerConfig,
     SideProblem,
     face_sign,
     feed_path,
+    singular_residual,
     wish_for,
 )
 from sawyer import ARM, HOME_POSTURE_RAD, POSITION_LOWER_RAD, POSITION_UPPER_RAD, ROBOT, SPEED_LIMIT_RAD_S
@@ -51,20 +54,8 @@ def _hit_of(stroke: JointStroke) -> np.ndarray:
 
 def _play_open_loop(spread: FeedSpread, rallies: int) -> RallyResults:
     """Play the planned joint rates, whatever the ball does, in the batched simulator."""
-    strokes = [planned_strokes()[label] for label in ALL_LABELS]
-    plans = [
-        RallyPlan(label.side, stroke.start.position)
-        for label, stroke in zip(ALL_LABELS, strokes, strict=True)
-    ]
-    config = KinematicRalliesConfig(variation=RallyVariation(spread, 0.0, 0.0), threads=1)
-    batched = KinematicRallies(plans, config)
-    batched.reset(len(plans), rallies, np.random.default_rng(5))
-    ends = (FIRST_ACTING_STEP + 1.0 + np.arange(float(ACTING_STEPS))) * CONTROL_PERIOD_S
-    actions = np.stack([stroke.sample(ends).velocity / SPEED_LIMIT_RAD_S for stroke in strokes])
-    rest = np.zeros((len(plans), rallies, 7))
-    for step in range(batched.horizon):
-        batched.step(np.repeat(actions[:, None, step], rallies, axis=1) if step < ACTING_STEPS else rest)
-    return batched.results()
+    rng = np.random.default_rng(5)
+    return play_open_loop(ROBOT, planned_strokes(), rng, spread=spread, rallies=rallies)
 
 
 # -- the motion ------------------------------------------------------------------------------------------
@@ -236,6 +227,55 @@ def test_planner_finds_its_way_back_to_the_kept_strokes() -> None:
     np.testing.assert_allclose(found[:7], kept[:7], atol=0.15)
 
 
+# -- what is refused -------------------------------------------------------------------------------------
+
+
+def _strokes_of(side: Side) -> dict[PaperLabel, JointStroke]:
+    return {label: stroke for label, stroke in planned_strokes().items() if label.side is side}
+
+
+def _fault(
+    strokes: dict[PaperLabel, JointStroke], cost: float = 1.0, home: np.ndarray = HOME_POSTURE_RAD
+) -> str:
+    return find_fault(ROBOT, strokes, cost, [home], Scene(), Feeder())
+
+
+def test_kept_strokes_have_no_fault_and_costly_plans_do() -> None:
+    strokes = _strokes_of(Side.FOREHAND)
+    assert _fault(strokes) == ""
+    assert _fault(strokes, MOST_COST) == ""
+    assert "cost 10.1, at most 10" in _fault(strokes, MOST_COST + 0.1)
+
+
+def test_strokes_that_miss_their_ball_are_named() -> None:
+    strokes = _strokes_of(Side.BACKHAND)
+    label = PaperLabel(Side.BACKHAND, Stroke.SLICE)
+    late = replace(strokes[label], hit_time_s=strokes[label].hit_time_s + 0.2)
+    assert "planned backhand-slice played as planned does not return" in _fault({**strokes, label: late})
+
+
+def test_ready_poses_behind_the_table_are_refused() -> None:
+    through_the_table = HOME_POSTURE_RAD.copy()
+    through_the_table[[1, 3]] = 1.0, -1.0
+    assert "not reached clear of table and arm" in _fault(_strokes_of(Side.FOREHAND), home=through_the_table)
+
+
+def test_where_no_posture_is_found_the_error_says_what_to_change() -> None:
+    config = PlannerConfig(searches=0)
+    with pytest.raises(
+        UserError, match=r"no forehand strokes: no posture found .*; move `base` in robot\.yaml"
+    ):
+        plan_side(ROBOT, Side.FOREHAND, config, Scene(), Feeder(), [HOME_POSTURE_RAD])
+
+
+def test_hits_in_singular_postures_cost() -> None:
+    for name in ("sawyer", "ur10e"):
+        robot = load_robot(name)
+        for label, stroke in planned_strokes(robot).items():
+            assert singular_residual(robot.model, stroke.hit_position) == 0.0, (name, label)
+        assert singular_residual(robot.model, np.zeros(robot.joint_count)) > 1.0
+
+
 def test_kept_strokes_read_back(tmp_path: Path) -> None:
     robot = replace(ROBOT, folder=tmp_path)
     write_strokes(robot, planned_strokes(), tmp_path / PLAN_FILE)
@@ -261,6 +301,15 @@ def test_unusable_kept_strokes_are_named_with_the_command_that_makes_them(
     assert old in text
     (tmp_path / PLAN_FILE).write_text(text.replace(old, new, 1))
     with pytest.raises(UserError, match=rf"{PLAN_FILE}.*msrd_ros plan {tmp_path}"):
+        planned_strokes(replace(ROBOT, folder=tmp_path))
+
+
+def test_kept_strokes_of_a_newer_format_are_refused(tmp_path: Path) -> None:
+    write_strokes(ROBOT, planned_strokes(), tmp_path / PLAN_FILE)
+    text = (tmp_path / PLAN_FILE).read_text()
+    assert "\nformat: 1\n" in text
+    (tmp_path / PLAN_FILE).write_text(text.replace("\nformat: 1\n", "\nformat: 2\n"))
+    with pytest.raises(UserError, match=rf"{PLAN_FILE}: is of format 2, .* upgrade msrd_ros"):
         planned_strokes(replace(ROBOT, folder=tmp_path))
 
 

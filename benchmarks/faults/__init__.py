@@ -1,0 +1,1 @@
+"""A campaign of faults against the stack; `python benchmarks/campaign.py --help`."""

@@ -1,0 +1,159 @@
+"""Who may speak: one simulator, one executor, one arm. /diagnostics tell which of our nodes are alive."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from msrd_ros.core.errors import UserError
+from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
+from msrd_ros.nodes.common import STATE, steady_timer
+from msrd_ros.nodes.parameter_files import NODES
+from msrd_ros.nodes.sources import Sources
+
+START_UP_S = 3.5
+"""How long a starting node looks for another one that does its work already."""
+LOOK_PERIOD_S = 0.1
+
+
+class Speakers:
+    """The nodes of the package that are alive, by what they say of themselves once a second.
+
+    The graph still shows a node that was killed for some 20 s; what has died says nothing.
+
+    Parameters
+    ----------
+    node
+        Who listens.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._sources: defaultdict[str, Sources] = defaultdict(Sources)
+        profile = QoSProfile(depth=100)
+        self._subscription = AdaptiveSubscription(
+            node, DiagnosticArray, "/diagnostics", profile, self._on_diagnostics
+        )
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._subscription.close()
+
+    def heard(self, name: str) -> int:
+        """How many nodes of that full name have spoken lately."""
+        return self._sources[name].heard(time.monotonic())
+
+    def publishers(self, topic: str) -> list[str]:
+        """Full names of all who publish a topic, whether alive or not; sorted."""
+        infos = self._node.get_publishers_info_by_topic(topic)
+        return sorted(f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos)
+
+    def side_by_side(self, topic: str) -> list[str]:
+        """Those who publish a topic if two or more of them are alive; empty otherwise."""
+        names = self.publishers(topic)
+        alive = 0
+        for name in set(names):
+            ours = name.rpartition("/")[2] in NODES
+            now_s = time.monotonic()
+            alive += self._sources[name].count(now_s) * (self._sources[name].heard(now_s) > 0) if ours else 1
+        return names if alive > 1 else []
+
+    def _on_diagnostics(self, received: Received) -> None:
+        for item in received.message.status:
+            self._sources[item.name].add(received.sequence, time.monotonic())
+
+
+class SoleSpeaker:
+    """Ends a starting node if another one that is alive already publishes what it is about to.
+
+    Parameters
+    ----------
+    node
+        Who starts.
+    topic
+        What only one node may publish.
+    does
+        What the other one does, for the error: such as ``commands``.
+    remedy
+        What to do about it.
+    """
+
+    def __init__(self, node: Node, topic: str, does: str, remedy: str) -> None:
+        self._node, self._topic, self._does, self._remedy = node, topic, does, remedy
+        self._speakers = Speakers(node)
+        self._started_s = time.monotonic()
+        self._timer = steady_timer(node, LOOK_PERIOD_S, self._look)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another one is known and it is not yet clear whether it is alive."""
+        return not self._timer.is_canceled() and bool(self._others())
+
+    def _others(self) -> list[str]:
+        names = self._speakers.publishers(self._topic)
+        own = self._node.get_fully_qualified_name()
+        if own in names:
+            names.remove(own)
+        return names
+
+    def _look(self) -> None:
+        own = self._node.get_fully_qualified_name()
+        others = self._others()
+        alive = [
+            name
+            for name in others
+            if name.rpartition("/")[2] not in NODES or self._speakers.heard(name) > (name == own)
+        ]
+        if alive:
+            raise UserError(
+                f"another node already {self._does} {self._node.resolve_topic_name(self._topic)} "
+                f"({', '.join(alive)}); {self._remedy}"
+            )
+        if time.monotonic() - self._started_s > START_UP_S:
+            self._timer.cancel()
+            self._speakers.close()
+
+
+class LiveArm:
+    """Hears whether an arm speaks on joint_states before one is played from bags.
+
+    Parameters
+    ----------
+    node
+        Who is about to play.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._joints: set[str] = set()
+        self._subscription = AdaptiveSubscription(node, JointState, "joint_states", STATE, self._on_state)
+        self._timer = steady_timer(node, LOOK_PERIOD_S, self._subscription.adapt)
+
+    def refuse(self) -> None:
+        """Refuse to play beside an arm; call it before the first message is played, then `close`.
+
+        Raises
+        ------
+        UserError
+            Names the joints that are heard.
+        """
+        if len(self._joints) > 1:
+            topic = self._node.resolve_topic_name("joint_states")
+            raise UserError(
+                f"an arm already speaks on {topic} ({', '.join(sorted(self._joints)[:8])}): who listens "
+                f"would follow both; end its simulator or driver, or play on another domain or in a namespace"
+            )
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._timer.cancel()
+        self._subscription.close()
+
+    def _on_state(self, received: Received) -> None:
+        message = received.message
+        self._joints.update(message.name if len(message.name) > 2 and message.position else ())
