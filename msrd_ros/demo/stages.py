@@ -13,7 +13,8 @@ from typing import Any
 from msrd_ros.core import formats
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.harness import RESULT_FILE
-from msrd_ros.robots.loading import DEFAULT_ROBOT, load_robot
+from msrd_ros.robots.default import DEFAULT_ROBOT
+from msrd_ros.robots.loading import load_robot
 from msrd_ros.stack.arguments import Values
 from msrd_ros.stack.console import Console
 from msrd_ros.stack.monitor import Monitor

@@ -31,7 +31,7 @@ from msrd_ros.nodes.given_files import given_files, require_section
 from msrd_ros.nodes.node_parameters import is_own, read_change, read_parameters
 from msrd_ros.nodes.parameter_files import NODES
 from msrd_ros.nodes.waiting import Waiting
-from msrd_ros.robots.loading import DEFAULT_ROBOT
+from msrd_ros.robots.default import DEFAULT_ROBOT
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:

@@ -10,7 +10,8 @@ from msrd_ros.bags.repair import repair
 from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.check import check, write_json
-from msrd_ros.robots.loading import DEFAULT_ROBOT, load_robot
+from msrd_ros.robots.default import DEFAULT_ROBOT
+from msrd_ros.robots.loading import load_robot
 
 ACCEPTED, REFUSED, WRONG_CALL = 0, 1, 2
 

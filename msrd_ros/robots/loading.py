@@ -20,14 +20,12 @@ from msrd_ros.core.paddle import BLADE_RADIUS_M
 from msrd_ros.core.resources import share_directory
 from msrd_ros.robots.arm_model import pack
 from msrd_ros.robots.chain import Chain, Frame, find_chain, frame, link_places
+from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.robots.robot import DriverModel, FloatingModel, JointLimits, PlanningSpace, Robot
 from msrd_ros.robots.sheet import Sheet, constant
 from msrd_ros.robots.urdf import PADDLE_LINK, Description, JointOrigin, StandingArm, read_urdf
 
 Array = NDArray[np.float64]
-
-DEFAULT_ROBOT = "sawyer"
-"""The arm that is meant where nothing is said: also of bags and policies of 0.1.0."""
 
 SHEET_FILE = "robot.yaml"
 DESCRIPTION_FILE = "robot.urdf"

@@ -25,7 +25,7 @@ from msrd_ros.core.discovery import DISCOVERY_RANGE, stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.policy import read_header
 from msrd_ros.nodes.recorder_inputs import import_message_type
-from msrd_ros.robots.loading import DEFAULT_ROBOT
+from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.stack.snapshot import Endpoint, Heard, Said, Snapshot, role_of
 
 LISTENED = ("joint_states", "ball/position", "joint_command", "rally/outcome", "clock")

@@ -12,6 +12,7 @@ from enum import Enum
 from pathlib import Path
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.stack.arguments import (
     Argument,
     Value,
@@ -141,7 +142,7 @@ _COMMON = (
 _ROBOT = Argument(
     "robot",
     "The arm: a name below config/robots, or a folder with its robot.yaml",
-    unset=_FROM_FILE.format("sawyer"),
+    unset=_FROM_FILE.format(DEFAULT_ROBOT),
 )
 _MODE = Argument(
     "mode",
@@ -375,7 +376,7 @@ SETS = {
             "all of it: teach, record, replay, train, play, report",
             (
                 Argument("out", "Folder for everything; an earlier demo's goes", "out/demo", read=as_path),
-                Argument("robot", _ROBOT.text, unset="sawyer"),
+                Argument("robot", _ROBOT.text, unset=DEFAULT_ROBOT),
                 Argument("subjects", "Teachers", "4", read=as_count(1)),
                 Argument("recordings", "Kept recordings of each teacher's strategies", "3", read=as_count(1)),
                 Argument("iterations", "Training iterations", unset="the trainer's own", read=as_count(0)),

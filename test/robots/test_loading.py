@@ -13,8 +13,8 @@ import pytest
 import yaml
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.robots.loading import (
-    DEFAULT_ROBOT,
     default_robot,
     load_robot,
     robots_directory,

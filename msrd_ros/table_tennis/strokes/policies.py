@@ -16,7 +16,8 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.policy import PolicySet
-from msrd_ros.robots.loading import DEFAULT_ROBOT, default_robot
+from msrd_ros.robots.default import DEFAULT_ROBOT
+from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.strategies.table import Side, Strategies
 
