@@ -10,7 +10,8 @@ from pathlib import Path
 
 from msrd_ros.contract.interface import MEANINGS, TOPICS
 from msrd_ros.core.parameters import ParameterFacts
-from msrd_ros.nodes.parameter_files import NODES, config_type
+from msrd_ros.nodes.managed import LIFECYCLE_SERVICES, ManagedNode
+from msrd_ros.nodes.parameter_files import NODES, config_type, node_type
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "msrd_ros"
@@ -28,13 +29,16 @@ def topics() -> str:
 
 
 def services() -> str:
-    """Table of the services that the nodes' code creates."""
+    """Table of the services that the nodes' code creates, and of those that rclpy gives to managed nodes."""
     lines = ["| node | service | type |", "|---|---|---|"]
     for node in NODES:
         for call in ast.walk(ast.parse((PACKAGE / "nodes" / f"{node}.py").read_text(encoding="utf-8"))):
             if isinstance(call, ast.Call) and ast.unparse(call.func) == "self.create_service":
                 kind, name = call.args[:2]
                 lines.append(f"| {node} | `{ast.literal_eval(name)}` | std_srvs/srv/{ast.unparse(kind)} |")
+    managed = ", ".join(node for node in NODES if issubclass(node_type(node), ManagedNode))
+    for name, kind in LIFECYCLE_SERVICES.items():
+        lines.append(f"| {managed} | `{name}` | lifecycle_msgs/srv/{kind} |")
     return "\n".join(lines) + "\n"
 
 

@@ -24,6 +24,8 @@ from msrd_ros.learning.method import Learner
 
 CHECKPOINT_FILE = "checkpoint.safetensors"
 RESULT_FILE = "training.json"
+PAUSE_S = 0.05
+"""How often a paused run looks whether it may go on."""
 
 
 class Iterating(Protocol):
@@ -114,8 +116,9 @@ class Harness:
 
     Attributes
     ----------
-    stop, checkpoint_wanted
-        Set them from any thread: the run ends, or writes a checkpoint, after the present iteration.
+    stop, checkpoint_wanted, paused
+        Set them from any thread: the run ends, writes a checkpoint, or waits until `paused` is cleared, after
+        the present iteration.
     metrics
         Figures of the latest iteration.
     curve
@@ -131,6 +134,7 @@ class Harness:
         self.schedule = schedule or Schedule()
         self.stop = threading.Event()
         self.checkpoint_wanted = threading.Event()
+        self.paused = threading.Event()
         self.metrics: dict[str, float] = {}
         self.curve: list[dict[str, Any]] = []
         self.seconds = self.cpu_seconds = 0.0
@@ -183,13 +187,20 @@ class Harness:
             desc=self.title,
             disable=self.title is None,
         ) as bar:
-            while self.iteration < self.planned and not self.stop.is_set():
+            while self.iteration < self.planned and self._goes_on():
                 with self._timed():
                     self.metrics = finite(f"iteration {self.iteration + 1}", self.learner.iterate())
                 self._follow_up()
                 bar.update()
                 bar.set_postfix_str(self.task.summary(self))
         self._save()
+
+    def _goes_on(self) -> bool:
+        """Whether nobody stopped the run; returns once it is not paused."""
+        while self.paused.is_set() and not self.stop.is_set():
+            self._save_if_wanted()
+            time.sleep(PAUSE_S)
+        return not self.stop.is_set()
 
     def _follow_up(self) -> None:
         """What is due after an iteration."""
@@ -200,15 +211,19 @@ class Harness:
             self._evaluate()
             self.task.at_point(self)
         self.task.after_iteration(self)
-        due = schedule.checkpoint_every and iteration % schedule.checkpoint_every == 0
-        if self.checkpoint_wanted.is_set() or due:
-            self.checkpoint_wanted.clear()
-            self._save()
+        if schedule.checkpoint_every and iteration % schedule.checkpoint_every == 0:
+            self.checkpoint_wanted.set()
+        self._save_if_wanted()
 
     def _evaluate(self) -> None:
         if self.schedule.evaluate_every:
             spent = {"iteration": self.iteration, "seconds": self.seconds}
             self.curve.append({**spent, **self.task.evaluate()})
+
+    def _save_if_wanted(self) -> None:
+        if self.checkpoint_wanted.is_set():
+            self.checkpoint_wanted.clear()
+            self._save()
 
     def _save(self) -> None:
         """Write checkpoint and result, each whole or not at all."""

@@ -145,10 +145,14 @@ class StackNode(Node):
         """What keeps the node from its work, each with what to do about it. Nodes override this."""
         return []
 
+    def account(self) -> tuple[str, Mapping[str, object], list[str]]:
+        """What it says of itself: a line, its figures, and what it waits for."""
+        return *self.diagnose(), self.waits_for()
+
     def publish_diagnostics(self) -> None:
         """Say how the node is doing and what it waits for, now."""
-        message, values = self.diagnose()
-        self._waiting.update(self.waits_for())
+        message, values, waits = self.account()
+        self._waiting.update(waits)
         waited = self._waiting.figures()
         level = DiagnosticStatus.WARN if waited else DiagnosticStatus.OK
         name = self.get_fully_qualified_name()

@@ -17,8 +17,9 @@ from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.command_output import CommandOutput
-from msrd_ros.nodes.common import StackNode, robot_parameter, run, steady_timer
+from msrd_ros.nodes.common import robot_parameter, run, steady_timer
 from msrd_ros.nodes.latched import hear_latched
+from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
 from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.limits import JointReference
@@ -78,19 +79,24 @@ class ExecutorConfig:
         low=0.01,
         high=1.0,
     )
+    autostart: bool = autostart_parameter()
 
 
-class Executor(StackNode):
+class Executor(ManagedNode):
     """Listens to the robot and the ball, answers with joint commands.
 
     In real time the arm is braked at once when an input falls silent or cannot be relied on, and nothing is
-    sent any more once it rests.
+    sent any more once it rests. Inactive is as not enabled, except that in real time an arm that has never
+    been commanded is left alone.
     """
 
     config: ExecutorConfig
 
     def __init__(self) -> None:
         super().__init__("executor", ExecutorConfig)
+
+    def configure(self) -> None:
+        """Load robot and policies, and open topics and services."""
         self._now_s = time.monotonic
         self._player: StrokePlayer | None = None
         self._ball_filter: BallFilter | None = None
@@ -152,6 +158,11 @@ class Executor(StackNode):
             missing.append("a strategy: publish one on topic strategy")
         return missing
 
+    @property
+    def _may_move(self) -> bool:
+        """Whether the arm may do anything but come to rest and stay there."""
+        return self.active and self.config.enabled
+
     # -- what comes in -------------------------------------------------------------------------
 
     def _on_strategy(self, message: Header) -> None:
@@ -201,7 +212,7 @@ class Executor(StackNode):
         self._send(self._decide(player, tick), tick.time_ns)
 
     def _decide(self, player: StrokePlayer, tick: TickInput) -> JointReference:
-        if not self.config.enabled or self._is_distrustful():
+        if not self._may_move or self._is_distrustful():
             self._counts["stops"] += 1
             return player.hold()
         if not tick.ball_is_present:
@@ -237,7 +248,7 @@ class Executor(StackNode):
         if self._has_paused(player):
             player.begin_at(position)
             self._output.forget()
-        if not self.config.enabled:
+        if not self._may_move:
             return player  # it may be led by hand meanwhile
         joint = self._robot.joint_names[int(np.abs(position - player.reference.position).argmax())]
         error = player.follow(position)
@@ -248,7 +259,7 @@ class Executor(StackNode):
 
     def _has_paused(self, player: StrokePlayer) -> bool:
         paused = not self._lockstep and self._now_s() - self._output.sent_s > RESUME_S
-        return paused and self.config.enabled and not np.any(player.reference.velocity)
+        return paused and self._may_move and not np.any(player.reference.velocity)
 
     def _adopt(self, player: StrokePlayer) -> None:
         """Exchange policies and strategy, only between strokes."""
@@ -265,8 +276,10 @@ class Executor(StackNode):
 
     def _send(self, reference: JointReference, time_ns: int) -> None:
         """Send a command, or one that brakes if it does not pass the gate."""
-        if not self._lockstep and not self.config.enabled and self._output.rests_at(reference):
-            return  # said once
+        if not self._lockstep and not self._may_move:
+            untold = self._output.last is None and not self.active
+            if untold or self._output.rests_at(reference):
+                return  # said once, or never in command
         label = self._exchange.strategy
         try:
             self._output.send(reference, label, time_ns)

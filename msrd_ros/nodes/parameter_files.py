@@ -20,6 +20,13 @@ NODES = ("simulator", "demonstrator", "recorder", "player", "trainer", "executor
 WIDTH = 96
 
 
+def node_type(node: str) -> type[Any]:
+    """Class of a node."""
+    module = importlib.import_module(f"msrd_ros.nodes.{node}")
+    found: type[Any] = getattr(module, node.capitalize())
+    return found
+
+
 def config_type(node: str) -> type[Any]:
     """Dataclass of a node's parameters."""
     module = importlib.import_module(f"msrd_ros.nodes.{node}")

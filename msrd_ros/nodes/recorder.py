@@ -21,7 +21,8 @@ from msrd_ros.bags.writer import remove_leftovers, set_aside
 from msrd_ros.contract.topics import BALL_POSITION, JOINT_STATES, OUTCOME, STRATEGY
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
-from msrd_ros.nodes.common import EVENT, StackNode, robot_parameter, run, status, steady_timer
+from msrd_ros.nodes.common import EVENT, robot_parameter, run, status, steady_timer
+from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
 from msrd_ros.nodes.recorder_inputs import STREAMED, RecorderInputs
 from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.recordings.store import StoreResult, StrokeStore
@@ -83,15 +84,19 @@ class RecorderConfig:
     extra_topics: list[str] = parameter(
         [], "Further topics to record: ball/odometry, or NAME=PACKAGE/msg/TYPE for any other"
     )
+    autostart: bool = autostart_parameter()
 
 
-class Recorder(StackNode):
+class Recorder(ManagedNode):
     """Buffers what comes in, cuts a stroke per ball, and lets a thread judge and write it."""
 
     config: RecorderConfig
 
     def __init__(self) -> None:
         super().__init__("recorder", RecorderConfig)
+
+    def configure(self) -> None:
+        """Prepare the folder, and listen; nothing is kept yet."""
         config = self.config
         self._directory = self._prepare_directory()
         robot = load_robot(config.robot)
@@ -113,6 +118,7 @@ class Recorder(StackNode):
         self._verdict = self.create_publisher(DiagnosticArray, VERDICT, EVENT)
         self._results: queue.SimpleQueue[StoreResult] = queue.SimpleQueue()
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
+        self._held.callback(self._finish)
         self._written = self.create_guard_condition(self._report_results)
         self._settle_timer = steady_timer(self, SETTLE_PERIOD_S, self._settle)
         self._settle_timer.cancel()
@@ -125,7 +131,16 @@ class Recorder(StackNode):
         state = "recording" if self.config.recording else "waiting for ~/start"
         self.get_logger().info(f"ready: {state}, {self.config.subject} into {self._directory}")
 
-    def close(self) -> None:
+    def deactivate(self) -> None:
+        """Write what is decided, and drop the stroke under way."""
+        while self._buffer.pending:
+            self._cut()
+        self._buffer.discard()
+        # The one thread takes its work in turn.
+        self._writer.submit(self._written.trigger).result()
+        self._report_results()
+
+    def _finish(self) -> None:
         """Keep what is decided, although the node is told to stop."""
         while self._buffer.pending:
             self._cut()
@@ -157,6 +172,11 @@ class Recorder(StackNode):
             missing.append("room on the disk: make some, or see parameter minimum_free_mb")
         return missing
 
+    @property
+    def _records(self) -> bool:
+        """Whether strokes are to be kept."""
+        return self.active and self.config.recording
+
     # -- setting up ----------------------------------------------------------------------------
 
     def _prepare_directory(self) -> Path:
@@ -179,7 +199,7 @@ class Recorder(StackNode):
     # -- what comes in -------------------------------------------------------------------------
 
     def _take(self, arrival: Arrival) -> None:
-        if self.config.recording or arrival.role in (STRATEGY, OUTCOME):
+        if self._records or arrival.role in (STRATEGY, OUTCOME):
             self._buffer.add(arrival)
         if arrival.role == OUTCOME:
             self._settle_timer.reset()
@@ -212,8 +232,9 @@ class Recorder(StackNode):
     def _cut(self) -> None:
         stroke = self._buffer.cut()
         refusal = None
-        if not self.config.recording:
-            refusal = Verdict(Refusal.STOPPED, "the recorder is stopped; call ~/start")
+        if not self._records:
+            reason = "stopped; call ~/start" if self.active else "inactive; activate it (ros2 lifecycle)"
+            refusal = Verdict(Refusal.STOPPED, f"the recorder is {reason}")
         elif self._discarding:
             refusal = Verdict(Refusal.DISCARDED, "dropped by ~/discard")
         self._discarding = False
@@ -282,6 +303,8 @@ class Recorder(StackNode):
             self._buffer.discard()
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.refuses(response):
+            return response
         self.change("recording", True)
         response.success, response.message = True, f"recording {self.config.subject} into {self._directory}"
         return response

@@ -7,57 +7,43 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
-from rclpy.time import Time
-from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
-from visualization_msgs.msg import MarkerArray
 
 from msrd_ros.contract.labels import StrategyLabel
-from msrd_ros.contract.translation import NANOSECONDS, stamp_to_ns
+from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import (
     COMMAND,
     EVENT,
-    LATCHED,
-    STATE,
-    StackNode,
     robot_parameter,
     run,
     steady_timer,
 )
-from msrd_ros.nodes.frames import FramePublisher
 from msrd_ros.nodes.latched import hear_latched
+from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
 from msrd_ros.nodes.messages import (
-    WORLD,
     command_from_message,
     feed_from_message,
-    feed_to_message,
     gesture_from_message,
-    outcome_to_message,
 )
-from msrd_ros.nodes.scene_markers import scene_markers
 from msrd_ros.nodes.speakers import SoleSpeaker
+from msrd_ros.nodes.world_output import WorldOutput
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.camera import CameraConfig
-from msrd_ros.table_tennis.ball.feeder import SPREADS, Feed, Feeder
+from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import RallyConfig
-from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig, compile_ahead
+from msrd_ros.table_tennis.simulation.world import World, WorldConfig, compile_ahead
 from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE, SIDE_HELP, STRATEGIES_HELP, Side, Strategies
 
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25
 SILENCE_S = 2.0
 """Without a command for so long, one is waited for."""
-SHOW_PERIOD_S = 1.0 / 30.0
 SERVE_STREAM = 0xFEED
 
 
@@ -97,15 +83,19 @@ class SimulatorConfig:
     mass_scale: float = parameter(1.0, "Factor on the arm's masses", low=0.5, high=2.0)
     joint_friction_nm: float = parameter(0.0, "Dry friction of every joint", unit="Nm", low=0.0, high=10.0)
     show: bool = parameter(True, "Publish TF, markers and ball/odometry", live=True)
+    autostart: bool = autostart_parameter()
 
 
-class Simulator(StackNode):
+class Simulator(ManagedNode):
     """One rally after the other, tick by tick."""
 
     config: SimulatorConfig
 
     def __init__(self) -> None:
         super().__init__("simulator", SimulatorConfig)
+
+    def configure(self) -> None:
+        """Build the world, and open topics and services; its time stands still."""
         config = self.config
         self._strategies = Strategies.load(config.strategies)
         self.get_logger().info("starting; the first time after an installation this takes a minute")
@@ -114,6 +104,7 @@ class Simulator(StackNode):
         rally = RallyConfig(arm=arm, robot=self._robot)
         compile_ahead(rally)
         self._world = World(WorldConfig(rally, self._camera_config(), config.seed), gui=config.gui)
+        self._held.callback(self._world.close)
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
         self._paused = False
@@ -121,28 +112,26 @@ class Simulator(StackNode):
         self._tick_ns = 0
         self._asked_s = 0.0
         self._answered_s = -SILENCE_S
-        self._shown_ns = 0
-        self._path: list[NDArray[np.float64]] = []
         self._counts = {"returned": 0, "ticks": 0, "asked_again": 0, "refused": 0}
+        self._output = WorldOutput(self, self._world, self._robot)
         self._open_topics()
         self._open_services()
-        self._frames = FramePublisher(self, self._robot)
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
         remedy = "stop it first, or start this simulator in a namespace or domain of its own"
         self._alone = SoleSpeaker(self, "rally/outcome", "decides rallies on", remedy)
         if config.mode == "lockstep":
             steady_timer(self, ASK_AGAIN_S / 2, self._ask_again)
-            if not self._alone.is_doubtful:
-                self._tick()
         else:
             self._real_time_s = time.monotonic()
             self._clockwork = steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
             self.on_change(self._change_rate, "joint_state_rate_hz")
         self.on_change(self._change_camera, "camera_noise_m", "camera_latency_s", "camera_dropout")
 
-    def close(self) -> None:
-        """Let go of Bullet."""
-        self._world.close()
+    def activate(self) -> None:
+        """Let time go on."""
+        # After a pause the last tick is asked again.
+        if self.config.mode == "lockstep" and not self._counts["ticks"] and not self._alone.is_doubtful:
+            self._tick()
 
     def _camera_config(self) -> CameraConfig:
         config = self.config
@@ -182,14 +171,6 @@ class Simulator(StackNode):
         }
 
     def _open_topics(self) -> None:
-        self._clock_publisher = self.create_publisher(ClockMessage, "clock", COMMAND)
-        self._ball = self.create_publisher(PointStamped, "ball/position", STATE)
-        self._joint_states = self.create_publisher(JointState, "joint_states", STATE)
-        self._odometry = self.create_publisher(Odometry, "ball/odometry", STATE)
-        self._outcome = self.create_publisher(DiagnosticArray, "rally/outcome", EVENT)
-        self._scene = self.create_publisher(MarkerArray, "scene", COMMAND)
-        self._description = self.create_publisher(String, "robot_description", LATCHED)
-        self._description.publish(String(data=self._robot.urdf))
         hear_latched(self, Header, "strategy", self._on_strategy)
         self.create_subscription(Odometry, "feed", self._on_feed, EVENT)
         self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
@@ -203,22 +184,27 @@ class Simulator(StackNode):
 
     # -- time ----------------------------------------------------------------------------------
 
+    @property
+    def _stands(self) -> bool:
+        """Whether time stands still by order."""
+        return self._paused or not self.active
+
     def _tick(self) -> None:
         """Publish one tick; in lockstep the world stands still until it is answered."""
         self._tick_ns = self._world.time_ns
         self._asked_s = time.monotonic()
         self._counts["ticks"] += 1
-        self._publish_tick()
+        self._output.publish_tick(self.config.show)
 
     def _ask_again(self) -> None:
-        if self._paused or self._alone.is_doubtful or time.monotonic() - self._asked_s < ASK_AGAIN_S:
+        if self._stands or self._alone.is_doubtful or time.monotonic() - self._asked_s < ASK_AGAIN_S:
             return
         if not self._counts["ticks"]:
             self._tick()
             return
         self._counts["asked_again"] += 1
         self._asked_s = time.monotonic()
-        self._publish_tick()
+        self._output.publish_tick(self.config.show)
 
     def _advance(self, period_s: float) -> None:
         """Let the world go on for one period and publish the next tick."""
@@ -229,7 +215,7 @@ class Simulator(StackNode):
     def _follow_wall_clock(self) -> None:
         now_s = time.monotonic()
         behind_s = now_s - self._real_time_s
-        if self._paused or self._alone.is_doubtful or behind_s < 0.001:
+        if self._stands or self._alone.is_doubtful or behind_s < 0.001:
             self._real_time_s = self._real_time_s if behind_s < 0.001 else now_s
             return
         self._miss_commands(now_s)
@@ -251,8 +237,7 @@ class Simulator(StackNode):
         while self._world.results:
             label, outcome = self._world.results.popleft()
             self._counts["returned"] += outcome.returned
-            self._outcome.publish(outcome_to_message(outcome, label, self._stamp(self._world.time_ns)))
-            self._path = []
+            self._output.publish_outcome(label, outcome)
 
     # -- what comes in -------------------------------------------------------------------------
 
@@ -265,12 +250,13 @@ class Simulator(StackNode):
 
     def _on_feed(self, message: Odometry) -> None:
         try:
+            self.require_active()
             self._world.feed(feed_from_message(message), stamp_to_ns(message.header.stamp))
         except UserError as error:
             self._refuse(error)
 
     def _on_command(self, message: JointTrajectory) -> None:
-        if self._world.teaching or self._paused or not self._answers_tick(message.header.stamp):
+        if self._world.teaching or self._stands or not self._answers_tick(message.header.stamp):
             return
         try:
             command = command_from_message(self._robot, message)
@@ -284,7 +270,7 @@ class Simulator(StackNode):
             self._advance(command.period_s)
 
     def _on_hand(self, message: MultiDOFJointTrajectory) -> None:
-        if not self._world.teaching or self._paused or not self._answers_tick(message.header.stamp):
+        if not self._world.teaching or self._stands or not self._answers_tick(message.header.stamp):
             return
         try:
             gesture = gesture_from_message(message)
@@ -307,6 +293,8 @@ class Simulator(StackNode):
     # -- services ------------------------------------------------------------------------------
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.refuses(response):
+            return response
         self._world.reset()
         self._publish_results()
         self._tick()
@@ -314,6 +302,8 @@ class Simulator(StackNode):
         return response
 
     def _on_serve(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.refuses(response):
+            return response
         strategy = self._world.strategy
         side = (self._strategies.of(strategy).side if strategy else None) or Side(self.config.side)
         self._world.feed(self._feeder.sample(side, SPREADS[self.config.spread], self._serve_rng))
@@ -337,45 +327,6 @@ class Simulator(StackNode):
         self._paused = request.data
         response.success, response.message = True, "paused" if request.data else "running"
         return response
-
-    # -- what goes out -------------------------------------------------------------------------
-
-    @staticmethod
-    def _stamp(time_ns: int) -> Any:
-        return Time(nanoseconds=time_ns).to_msg()
-
-    def _publish_tick(self) -> None:
-        tick = self._world.tick()
-        stamp = self._stamp(tick.time_ns)
-        self._clock_publisher.publish(ClockMessage(clock=stamp))
-        # The ball before the joints: whoever waits for both is then ready with the second.
-        ball = PointStamped()
-        ball.header.frame_id = WORLD
-        ball.header.stamp = self._stamp(tick.ball_stamp_ns)
-        ball.point.x, ball.point.y, ball.point.z = map(float, tick.ball_position)
-        self._ball.publish(ball)
-        if self.config.show and tick.time_ns - self._shown_ns >= SHOW_PERIOD_S * NANOSECONDS:
-            self._show(tick, stamp)
-        state = JointState(
-            name=list(self._robot.joint_names),
-            position=tick.joint_position.tolist(),
-            velocity=tick.joint_velocity.tolist(),
-            effort=tick.joint_effort.tolist(),
-        )
-        state.header.stamp = stamp
-        state.header.frame_id = str(tick.label or "")
-        self._joint_states.publish(state)
-
-    def _show(self, tick: Tick, stamp: Any) -> None:
-        """Pictures for people, at their own modest rate of simulated time."""
-        self._shown_ns = tick.time_ns
-        ball = self._world.rally.ball
-        odometry = feed_to_message(Feed.from_state(ball), stamp)
-        self._odometry.publish(odometry)
-        self._frames.publish(tick.joint_position, stamp)
-        if self._scene.get_subscription_count():
-            self._path.append(ball[:3].copy())
-            self._scene.publish(scene_markers(self._world.config.rally.scene, ball[:3], self._path))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ import torch
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
-from tqdm import tqdm
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import StrategyLabel
@@ -20,23 +18,23 @@ from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
-from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Harness, Schedule
+from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Schedule
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.nodes.common import (
     EVENT,
     LATCHED,
     Finished,
-    StackNode,
     robot_parameter,
     run,
     status,
     steady_timer,
 )
+from msrd_ros.nodes.folder_of_bags import read_folder
+from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
 from msrd_ros.nodes.messages import bytes_to_message
-from msrd_ros.nodes.played_bags import COUNT, PlayedBags
+from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
-from msrd_ros.recordings.episodes import read_bags
-from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.nodes.training_thread import TrainingThread
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
@@ -146,28 +144,37 @@ class TrainerConfig:
     )
     checkpoint_every: int = parameter(25, "Iterations between checkpoints; 0: only at the end", low=0)
     timeout_s: float = parameter(60.0, "topics: longest wait for one stroke", unit="s", low=1.0, high=3600.0)
+    autostart: bool = autostart_parameter()
 
 
-class Trainer(StackNode):
-    """Gathers demonstrations, then trains on a thread of its own while topics and services stay alive."""
+class Trainer(ManagedNode):
+    """Gathers demonstrations, then trains on a thread of its own while topics and services stay alive.
+
+    Inactive it gathers nothing, and training waits between two iterations. Configured again it goes on from
+    the checkpoint of its own run, as there would be nothing to learn for another one.
+    """
 
     config: TrainerConfig
 
     def __init__(self) -> None:
+        self._began = False
         super().__init__("trainer", TrainerConfig)
+
+    def configure(self) -> None:
+        """Read bags, or listen to bags being played."""
         config = self.config
         self._robot = load_robot(config.robot)
-        self._out = _prepare_out(Path(config.out).expanduser(), config.resume or config.overwrite)
+        self._out = _prepare_out(
+            Path(config.out).expanduser(), config.resume or config.overwrite or self._began
+        )
         self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
         self._strategies = Strategies.load(config.strategies)
         self._episodes: list[Episode] = []
         self._heard_s = time.monotonic()
         self._training: StrokeTraining | None = None
-        self._players: BulletPlayers | None = None
         self._collector: Collector | None = None
-        self._thread: threading.Thread | None = None
-        self._run: Harness | None = None
-        self._failure: BaseException | None = None
+        self._run: TrainingThread | None = None
+        self._failure_at_start: UserError | None = None
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
         self.create_service(Trigger, "~/start", self._on_start)
@@ -179,17 +186,24 @@ class Trainer(StackNode):
             self._played = PlayedBags(self, self._robot, self._take, self._refuse)
             self.get_logger().info(f"ready: waiting for {config.wanted} demonstrations of each label")
         else:
-            self._read_bags()
-            self._begin()
+            folder = Path(config.bags).expanduser() if config.bags else shipped_bags()
+            names = parse_topic_names(config.topics, "parameter topics of trainer")
+            self._episodes = read_folder(
+                folder, self._labels, config.subjects, self._robot, names, self.get_logger()
+            )
         steady_timer(self, 0.1, self._look_after_training)
 
-    def close(self) -> None:
-        """End training after the present iteration, and keep what was learned."""
-        if self._run is not None and self._thread is not None:
-            self._run.stop.set()
-            self._thread.join()
-        if self._players is not None:
-            self._players.close()
+    def activate(self) -> None:
+        """Train on what lies in the folder, or go on."""
+        if self._run is not None:
+            self._run.pause(False)
+        elif self.config.source == "folder":
+            self._begin()
+
+    def deactivate(self) -> None:
+        """Let training wait after the present iteration, with a checkpoint written."""
+        if self._run is not None:
+            self._run.pause(True)
 
     def waits_for(self) -> list[str]:
         """Demonstrations that are missing while they come over topics, or who plays the policies."""
@@ -209,30 +223,10 @@ class Trainer(StackNode):
 
     # -- demonstrations ------------------------------------------------------------------------
 
-    def _read_bags(self) -> None:
-        folder = Path(self.config.bags).expanduser() if self.config.bags else shipped_bags()
-        library = BagLibrary.scan(folder)
-        chosen = library.select(self._labels, self.config.subjects)
-        refused = list(library.refused)
-        notes: Counter[str] = Counter()
-        names = parse_topic_names(self.config.topics, "parameter topics of trainer")
-        for reading in tqdm(
-            read_bags(chosen, self._robot, names), total=len(chosen), unit="bag", desc="read"
-        ):
-            self._episodes += [e for e in reading.episodes if not self._labels or e.label in self._labels]
-            refused += [f"bag {reading.info.path}: {reason}" for reason in reading.refused]
-            notes.update(COUNT.sub("", note) for note in reading.notes)
-        if not self._episodes:
-            raise UserError(f"no demonstration is left; {refused[0] if refused else folder}")
-        for line in refused:
-            self.get_logger().warning(f"left out: {line}")
-        for note, bags in notes.items():
-            self.get_logger().warning(f"{note} ({bags} bags)")
-        left_out = f", {len(refused)} left out" if refused else ""
-        self.get_logger().info(f"{len(self._episodes)} demonstrations from {folder}{left_out}")
-
     def _take(self, episode: Episode) -> None:
-        if self._training is not None or (self._labels and episode.label not in self._labels):
+        if not self.active or self._training is not None:
+            return
+        if self._labels and episode.label not in self._labels:
             return
         self._episodes.append(episode)
         self._heard_s = time.monotonic()
@@ -276,7 +270,7 @@ class Trainer(StackNode):
             strategy_rewards=config.strategy_rewards,
         )
         self._collector = self._make_collector()
-        self._training = StrokeTraining(
+        training = StrokeTraining(
             self._episodes,
             mean_landing_points(self._episodes),
             settings,
@@ -284,28 +278,30 @@ class Trainer(StackNode):
             self._strategies,
         )
         task = RunTask(
-            self._training,
+            training,
             config.evaluation_balls,
             self._episodes,
             self._out,
             self._publish_policies,
             self._publish_progress,
         )
-        self._run = training_run(task, Schedule(config.evaluate_every, config.checkpoint_every, self._out))
-        if config.resume:
-            self.get_logger().info(f"goes on from iteration {self._run.resume()} of {self._out}")
-        self._thread = threading.Thread(target=self._train, args=(self._run,), name="training")
-        self._thread.start()
+        self._held.callback(task.close)
+        harness = training_run(task, Schedule(config.evaluate_every, config.checkpoint_every, self._out))
+        if config.resume or self._began:
+            self.get_logger().info(f"goes on from iteration {harness.resume()} of {self._out}")
+        self._began = True
+        self._training = training
+        self._run = TrainingThread(harness)
+        self._held.callback(self._run.close)
 
     def _make_collector(self) -> Collector | None:
         config = self.config
         if config.rollouts == "bullet":
-            self._players = BulletPlayers(
+            players = BulletPlayers(
                 config.workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed)
             )
-            return BulletCollector(
-                self._players, self._present_policies, config.spread, config.ready_noise_rad
-            )
+            self._held.callback(players.close)
+            return BulletCollector(players, self._present_policies, config.spread, config.ready_noise_rad)
         if config.rollouts == "topics":
             return TopicCollector(
                 self, self._present_policies, config.spread, config.ready_noise_rad, config.timeout_s
@@ -315,13 +311,6 @@ class Trainer(StackNode):
     def _present_policies(self) -> StrokePolicies:
         assert self._training is not None
         return self._training.policies()
-
-    def _train(self, training: Harness) -> None:
-        """Body of the thread: whatever goes wrong reaches the main thread."""
-        try:
-            training.run()
-        except BaseException as error:  # handed on to the main thread, which raises it
-            self._failure = error
 
     def _publish_policies(self, policies: StrokePolicies) -> None:
         # Rollouts over topics publish what they play themselves.
@@ -336,17 +325,22 @@ class Trainer(StackNode):
     def _look_after_training(self) -> None:
         """Start when no more demonstrations come; raise what the thread ran into, or finish with it."""
         idle_s = self.config.idle_start_s
-        if self._training is None and self._episodes and 0.0 < idle_s < time.monotonic() - self._heard_s:
+        if not self.active:
+            self._heard_s = time.monotonic()
+        elif self._training is None and self._episodes and 0.0 < idle_s < time.monotonic() - self._heard_s:
             self._begin()
-        if self._failure is not None:
-            raise self._failure
-        if self._thread is not None and not self._thread.is_alive():
+        failure = self._failure_at_start or (self._run and self._run.failure)
+        if failure is not None:
+            raise failure
+        if self._run is not None and not self._run.is_alive:
             print(f"policies written to {self._out / POLICIES_FILE}", flush=True)
             raise Finished(0)
 
     # -- services ------------------------------------------------------------------------------
 
     def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.refuses(response):
+            return response
         if self._training is not None:
             response.success, response.message = False, "training is under way"
             return response
@@ -357,32 +351,33 @@ class Trainer(StackNode):
             self._begin()
         except UserError as error:
             # Raised on the main thread once this answer is on its way.
-            self._failure = error
+            self._failure_at_start = error
             response.success, response.message = False, str(error)
             return response
         response.success, response.message = True, f"training on {len(self._episodes)} demonstrations"
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None or self._thread is None or not self._thread.is_alive():
-            over = "training has not begun" if self._run is None else "training is over"
-            response.success, response.message = False, over
-            return response
-        self._run.stop.set()
-        response.success, response.message = True, "training ends after the present iteration and is saved"
+        run = self._run_under_way(response)
+        if run is not None:
+            run.harness.stop.set()
+            response.message = "training ends after the present iteration and is saved"
         return response
 
     def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._run is None or self._thread is None or not self._thread.is_alive():
-            over = "training has not begun" if self._run is None else "training is over"
-            response.success, response.message = False, over
-            return response
-        self._run.checkpoint_wanted.set()
-        response.success, response.message = (
-            True,
-            f"a checkpoint follows the present iteration, in {self._out}",
-        )
+        run = self._run_under_way(response)
+        if run is not None:
+            run.harness.checkpoint_wanted.set()
+            response.message = f"a checkpoint follows the present iteration, in {self._out}"
         return response
+
+    def _run_under_way(self, response: Trigger.Response) -> TrainingThread | None:
+        """The run that a service is about; its response says why there is none."""
+        response.success = self._run is not None and self._run.is_alive
+        if not response.success:
+            response.message = "training has not begun" if self._run is None else "training is over"
+            return None
+        return self._run
 
 
 def _prepare_out(out: Path, may_hold_run: bool) -> Path:

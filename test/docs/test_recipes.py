@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from msrd_ros.contract.interface import TOPICS
+from msrd_ros.nodes.managed import LIFECYCLE_SERVICES
 from msrd_ros.robots.loading import default_robot
 from processes import CHECKOUT
 
@@ -45,7 +46,8 @@ def test_the_policy_of_the_executor_names_topics_that_there_are() -> None:
     assert profile is not None
     assert profile.get("node") == "executor"
     named = {str(topic.text) for topic in profile.iter("topic")}
-    assert named - set(TOPICS) == {"/rosout", "/parameter_events"}
+    assert named - set(TOPICS) == {"/rosout", "/parameter_events", "~/transition_event"}
+    assert set(LIFECYCLE_SERVICES) <= {service.text for service in profile.iter("service")}
     assert {"joint_command", "joint_states", "ball/position", "strategy", "policy"} <= named
 
 

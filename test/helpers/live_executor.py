@@ -166,13 +166,15 @@ def require_safe(commands: list[JointTrajectory], pauses: bool = False) -> None:
 
 @contextmanager
 def live_executor(domain_id: int, **parameters: object) -> Iterator[LiveExecutor]:
-    """An executor on a domain of its own, alone there."""
+    """An executor on a domain of its own, alone there; configured, and active unless `autostart` is false."""
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         text = str(value).lower() if isinstance(value, bool) else str(value)
         arguments += ["-p", f"{name}:={text}"]
     rclpy.init(args=arguments, domain_id=domain_id)
     node = Executor()
+    if not node.config.autostart:
+        node.trigger_configure()
     try:
         yield LiveExecutor(node)
     finally:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,15 @@ from learning_problems import PointMass, point_demonstrations
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.cloning import CloningConfig
 from msrd_ros.learning.config import DiscriminatorConfig, MSRDConfig
-from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Harness, Schedule, Task, iterations
+from msrd_ros.learning.harness import (
+    CHECKPOINT_FILE,
+    PAUSE_S,
+    RESULT_FILE,
+    Harness,
+    Schedule,
+    Task,
+    iterations,
+)
 from msrd_ros.learning.method import Learner, Problem
 from msrd_ros.learning.methods import find_method
 from msrd_ros.learning.rollouts import BatchedCollector
@@ -109,6 +119,31 @@ def test_a_checkpoint_may_be_asked_for(tmp_path: Path) -> None:
     assert task.told.count("save") == 2
     assert not harness.checkpoint_wanted.is_set()
     assert (tmp_path / CHECKPOINT_FILE).is_file()
+
+
+def test_a_paused_run_waits_with_a_checkpoint_and_goes_on_exactly(tmp_path: Path) -> None:
+    whole = Harness(learner(), Task())
+    whole.run()
+    harness = Harness(learner(), Task(), Schedule(out=tmp_path))
+    harness.paused.set()
+    harness.checkpoint_wanted.set()
+    thread = threading.Thread(target=harness.run)
+    thread.start()
+    end_s = time.monotonic() + 60.0
+    while harness.checkpoint_wanted.is_set() and time.monotonic() < end_s:
+        time.sleep(0.01)
+    time.sleep(4 * PAUSE_S)
+    assert (harness.iteration, thread.is_alive()) == (0, True)
+    harness.paused.clear()
+    thread.join()
+    assert (tmp_path / CHECKPOINT_FILE).is_file()
+    assert torch.equal(weights(harness), weights(whole))
+    # A stop ends a pause as well.
+    stopped = Harness(learner(), Task())
+    stopped.paused.set()
+    stopped.stop.set()
+    stopped.run()
+    assert stopped.iteration == 0
 
 
 def test_without_iterations_there_is_cloning_alone() -> None:

@@ -77,6 +77,10 @@ class RunTask(StrokeTask):
         self._on_policies, self._on_iteration = on_policies, on_iteration
         self._board = SummaryWriter(str(out / BOARD_FOLDER))
 
+    def close(self) -> None:
+        """Let go of TensorBoard's file."""
+        self._board.close()
+
     def at_point(self, harness: Harness) -> None:
         """Hand on the policies."""
         for label, share in self._returned(harness).items():

@@ -1,0 +1,52 @@
+"""A training run on a thread of its own, while its node's topics and services stay alive."""
+
+from __future__ import annotations
+
+import threading
+
+from msrd_ros.learning.harness import Harness
+
+
+class TrainingThread:
+    """Runs a harness; begins at once.
+
+    Parameters
+    ----------
+    harness
+        What is run. Its events pause it, stop it and ask for checkpoints.
+
+    Attributes
+    ----------
+    failure
+        What the run ended with, for the thread that looks after it to raise; None while all is well.
+    """
+
+    def __init__(self, harness: Harness) -> None:
+        self.harness = harness
+        self.failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="training")
+        self._thread.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether training is not over."""
+        return self._thread.is_alive()
+
+    def pause(self, wanted: bool) -> None:
+        """Wait after the present iteration, with a checkpoint written; or go on."""
+        if not wanted:
+            self.harness.paused.clear()
+            return
+        self.harness.paused.set()
+        self.harness.checkpoint_wanted.set()
+
+    def close(self) -> None:
+        """End training after the present iteration, and keep what was learned."""
+        self.harness.stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self.harness.run()
+        except BaseException as error:  # handed on to the main thread, which raises it
+            self.failure = error
