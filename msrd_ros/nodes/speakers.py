@@ -126,11 +126,17 @@ class LiveArm:
     ----------
     node
         Who is about to play.
+
+    Attributes
+    ----------
+    listens
+        Whether it does, and so is one of the subscribers.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._joints: set[str] = set()
+        self.listens = True
         self._subscription = AdaptiveSubscription(node, JointState, "joint_states", STATE, self._on_state)
         self._timer = steady_timer(node, LOOK_PERIOD_S, self._subscription.adapt)
 
@@ -151,6 +157,7 @@ class LiveArm:
 
     def close(self) -> None:
         """Listen no more."""
+        self.listens = False
         self._timer.cancel()
         self._subscription.close()
 

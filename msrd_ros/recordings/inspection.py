@@ -162,7 +162,8 @@ def _check_pauses(stroke: Stroke, samples: StrokeSamples, limits: InspectionLimi
     """Pauses, and a launch that was missed."""
     joints, balls = samples.joints, samples.ball
     feeds = [message for message in stroke.messages if message.topic == FEED]
-    gap_s, row = _longest_gap(stroke, joints, stroke.messages[0].log_time_ns)
+    # What is latched, such as a description of the arm, may be much older than the stroke.
+    gap_s, row = _longest_gap(stroke, joints, min(stroke.launch_ns, int(joints.log_ns[0])))
     if gap_s > limits.joint_gap_s:
         yield Finding(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s", int(joints.message[row]))
     # Who begins to listen in mid-flight has heard no pause: only the referee tells when the launch was.
