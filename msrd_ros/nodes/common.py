@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import os
 import re
@@ -259,9 +260,7 @@ def run(
         if not _is_shut_down():
             raise
     finally:
-        # A second Ctrl-C must not cut the clean-up short.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        _ignore_signals()
         if node is not None:
             close = getattr(node, "close", None)
             if close is not None:
@@ -272,6 +271,14 @@ def run(
             executor.shutdown(timeout_sec=0)
         try_shutdown()
     return code
+
+
+def _ignore_signals() -> None:
+    """Let no second Ctrl-C cut the clean-up short, and no first one that Python tells of only now."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.signal(number, signal.SIG_IGN)
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _is_shut_down() -> bool:
