@@ -157,9 +157,7 @@ def play(
                 scene.require_a_cause(name)
                 continue
             code = process.stop()
-            finding.require(
-                code == 0, f"{name} ended with {code} when told to stop: {process.output[-300:]}"
-            )
+            finding.require(code == 0, f"{name} ended with {code} when told to stop: {process.output[-300:]}")
             finding.require("Traceback" not in process.output, f"{name}: traceback: {process.output[-300:]}")
         check_kept(scene.guard, scene.bags, finding)
 
