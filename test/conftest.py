@@ -39,7 +39,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     First of all, as pytest-xdist reads the marks in the same hook.
     """
     for item in items:
-        group = "processes" if item.get_closest_marker("processes") else item.path.relative_to(CHECKOUT).as_posix()
+        file = item.path.relative_to(CHECKOUT).as_posix()
+        group = "processes" if item.get_closest_marker("processes") else file
         item.add_marker(pytest.mark.xdist_group(group))
 
 
