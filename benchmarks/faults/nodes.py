@@ -166,7 +166,7 @@ def killed(setting: Setting) -> Finding:
     """SIGKILL one node at a random moment, start it again."""
     rng, finding = setting.rng("killed"), Finding()
     with play(setting, finding) as scene:
-        for _ in range(setting.count(60, least=4)):
+        for _ in range(setting.count(60, least=2)):
             finding.tried += 1
             name = PLAYERS[finding.tried % len(PLAYERS)]
             scene.spin_for(float(rng.uniform(0.0, 3.0)))
@@ -182,7 +182,7 @@ def stopped(setting: Setting) -> Finding:
     """SIGSTOP one node for a while at a random moment."""
     rng, finding = setting.rng("stopped"), Finding()
     with play(setting, finding) as scene:
-        for _ in range(setting.count(60, least=4)):
+        for _ in range(setting.count(60, least=2)):
             finding.tried += 1
             name = PLAYERS[finding.tried % len(PLAYERS)]
             scene.spin_for(float(rng.uniform(0.0, 2.0)))
