@@ -32,10 +32,15 @@ provide_writable_directories(os.environ)
 choose_compiled_cache(os.environ)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where tests run side by side, a file's go one after the other, and so do all that start processes."""
+    """Where tests run side by side, a file's go one after the other, and so do all that start processes.
+
+    First of all, as pytest-xdist reads the marks in the same hook.
+    """
     for item in items:
-        group = "processes" if item.get_closest_marker("processes") else item.path.as_posix()
+        file = item.path.relative_to(CHECKOUT).as_posix()
+        group = "processes" if item.get_closest_marker("processes") else file
         item.add_marker(pytest.mark.xdist_group(group))
 
 

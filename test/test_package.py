@@ -101,29 +101,6 @@ def test_manifest_names_every_ros_package_that_is_imported() -> None:
     assert ros <= named
 
 
-@pytest.mark.parametrize(
-    "path", sorted((CHECKOUT / "launch").glob("*.launch.py")), ids=lambda path: path.name
-)
-def test_launch_file_starts_what_there_is(path: Path) -> None:
-    # launch_ros comes with a ROS installation only; what can go wrong without it is read from the tree.
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    functions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
-    assert "generate_launch_description" in functions
-    nodes = [
-        {keyword.arg: keyword.value for keyword in call.keywords}
-        for call in ast.walk(tree)
-        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Node"
-    ]
-    assert nodes
-    for node in nodes:
-        executable = ast.literal_eval(node["executable"])
-        assert ast.literal_eval(node["package"]) == PACKAGE
-        assert executable in EXECUTABLES
-        files = re.findall(r"[\w.]+\.yaml", ast.unparse(node["parameters"]))
-        assert files == [f"{executable}.yaml"]
-        assert (CHECKOUT / "config" / files[0]).is_file()
-
-
 def test_every_node_has_a_parameter_file_and_every_file_a_node() -> None:
     nodes = {name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")}
     assert set(NODES) == nodes

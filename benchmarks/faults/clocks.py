@@ -57,9 +57,7 @@ def _jumping(setting: Setting, mode: str) -> Finding:
             scene.require_play(f"the clock of {name} jumped by {jump_s:g} s and back")
             for other in PLAYERS:
                 finding.require(scene.nodes[other].running, f"{other} ended when the clock of {name} jumped")
-                if not scene.nodes[other].running:
-                    scene.require_a_cause(other)
-                    scene.start(other)
+            scene.revive(*PLAYERS)
     return finding
 
 

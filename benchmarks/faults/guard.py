@@ -68,7 +68,8 @@ class Guard:
         self.last_s = time.monotonic()
         limits = self._robot.limits
         where = f"command {self.commands}"
-        for point in message.points:
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        for number, point in enumerate(message.points):
             position, velocity = np.array(point.positions), np.array(point.velocities)
             count = self._robot.joint_count
             if position.shape != (count,) or velocity.shape != (count,):
@@ -83,8 +84,9 @@ class Guard:
                     f"{where}: {self._robot.joint_names[joint]} to {position[joint]:.4g} rad "
                     f"at {velocity[joint]:.4g} rad/s"
                 )
-            self.speed = float(np.abs(velocity).max())
-            self._check_step(where, stamp_to_ns(message.header.stamp), position)
+            if number == 0:  # the others are how the arm would come to rest if nothing followed
+                self.speed = float(np.abs(velocity).max())
+                self._check_step(where, stamp_ns, position)
 
     def _check_step(self, where: str, stamp_ns: int, position: np.ndarray[Any, Any]) -> None:
         last, self._last = self._last, (stamp_ns, position)

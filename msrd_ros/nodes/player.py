@@ -297,7 +297,10 @@ class Player(StackNode):
 
     def _subscribers(self, topic: str) -> int:
         publisher = self._outputs[topic]
-        return publisher.get_subscription_count() if publisher is not None else 1
+        if publisher is None:
+            return 1
+        own = topic == JOINT_STATES and self._live_arm.listens
+        return max(publisher.get_subscription_count() - own, 0)
 
 
 def _stamp(time_ns: int) -> Any:

@@ -19,6 +19,8 @@ from msrd_ros.nodes.sources import Sources
 START_UP_S = 3.5
 """How long a starting node looks for another one that does its work already."""
 LOOK_PERIOD_S = 0.1
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What the graph calls a node whose topics have been found and whose name has not; soon it has."""
 
 
 class Speakers:
@@ -58,7 +60,7 @@ class Speakers:
         names = self.publishers(topic)
         alive = 0
         for name in set(names):
-            ours = name.rpartition("/")[2] in NODES
+            ours = name.rpartition("/")[2] in (*NODES, UNKNOWN)
             now_s = time.monotonic()
             alive += self._sources[name].count(now_s) * (self._sources[name].heard(now_s) > 0) if ours else 1
         return names if alive > 1 else []
@@ -107,7 +109,7 @@ class SoleSpeaker:
         alive = [
             name
             for name in others
-            if name.rpartition("/")[2] not in NODES or self._speakers.heard(name) > (name == own)
+            if name.rpartition("/")[2] not in (*NODES, UNKNOWN) or self._speakers.heard(name) > (name == own)
         ]
         if alive:
             raise UserError(
@@ -126,11 +128,17 @@ class LiveArm:
     ----------
     node
         Who is about to play.
+
+    Attributes
+    ----------
+    listens
+        Whether it does, and so is one of the subscribers.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._joints: set[str] = set()
+        self.listens = True
         self._subscription = AdaptiveSubscription(node, JointState, "joint_states", STATE, self._on_state)
         self._timer = steady_timer(node, LOOK_PERIOD_S, self._subscription.adapt)
 
@@ -151,6 +159,7 @@ class LiveArm:
 
     def close(self) -> None:
         """Listen no more."""
+        self.listens = False
         self._timer.cancel()
         self._subscription.close()
 

@@ -162,7 +162,9 @@ def _check_pauses(stroke: Stroke, samples: StrokeSamples, limits: InspectionLimi
     """Pauses, and a launch that was missed."""
     joints, balls = samples.joints, samples.ball
     feeds = [message for message in stroke.messages if message.topic == FEED]
-    gap_s, row = _longest_gap(stroke, joints, stroke.messages[0].log_time_ns)
+    # What is latched, such as a description of the arm, may be much older than the stroke.
+    begin_ns = next(message.log_time_ns for message in stroke.messages if not _is_latched(message.topic))
+    gap_s, row = _longest_gap(stroke, joints, begin_ns)
     if gap_s > limits.joint_gap_s:
         yield Finding(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s", int(joints.message[row]))
     # Who begins to listen in mid-flight has heard no pause: only the referee tells when the launch was.
@@ -184,6 +186,10 @@ def _check_pauses(stroke: Stroke, samples: StrokeSamples, limits: InspectionLimi
     gap_s, row = _longest_gap(stroke, balls, stroke.launch_ns if feeds else int(balls.log_ns[0]))
     if gap_s > limits.ball_gap_s:
         yield Finding(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s", int(balls.message[row]))
+
+
+def _is_latched(topic: str) -> bool:
+    return topic in CONTRACT and CONTRACT[topic].latched
 
 
 def _moves(track: Track, launch_ns: int) -> NDArray[np.bool_]:

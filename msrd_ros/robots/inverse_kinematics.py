@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
 from msrd_ros.robots.robot import Robot

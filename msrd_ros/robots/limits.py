@@ -16,9 +16,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, vectorize
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit, vectorize
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.robot import Robot
 

@@ -60,6 +60,7 @@ def test_the_quickstart_is_short() -> None:
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.slow
 def test_the_quickstart_lands(tmp_path: Path) -> None:
     script = shutil.copy(QUICKSTART, tmp_path)
     result = subprocess.run(

@@ -212,6 +212,8 @@ def test_strategies_that_cannot_be_played_are_refused_and_the_present_one_stays(
     robot: Robot, executor: RunningProcess
 ) -> None:
     label = LABELS[0]
+    robot.ask(label)
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
     robot.ask("Lob!")
     executor.wait_for_line("topic strategy: 'Lob!' is no strategy label")
     for unknown in ("my-lob", ALL_LABELS[4]):

@@ -149,7 +149,8 @@ def test_one_signal_ends_all_in_order(stack: Stack, tmp_path: Path) -> None:
 @pytest.mark.timeout(600)
 def test_a_killed_node_is_named_and_takes_the_others_along(stack: Stack) -> None:
     process = started(stack, "play", "balls:=0")
-    process.wait_for_line(r"^\[executor\] \[INFO\] ready", END_S)
+    for name in ("executor", "simulator"):
+        process.wait_for_line(rf"^\[{name}\] \[INFO\] ready", END_S)
     nodes = children(process)
     os.kill(nodes["simulator"], signal.SIGKILL)
     assert process.wait(END_S) == 1, process.output

@@ -11,8 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from msrd_ros.core.compiled import njit
 
 TIME_STEP_S = 0.02
 FRAME_SKIP = 2

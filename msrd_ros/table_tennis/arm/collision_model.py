@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import link_frames
 from msrd_ros.table_tennis.ball.scene import Table

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import GRAVITY_M_S2, inverse_dynamics, inverse_dynamics_into

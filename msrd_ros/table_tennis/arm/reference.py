@@ -9,9 +9,9 @@ it touches table or floor is not taken: the joints brake instead.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.limits import next_velocity
 from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, braking_clearance

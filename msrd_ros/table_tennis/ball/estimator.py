@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 

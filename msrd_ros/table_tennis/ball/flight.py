@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.table_tennis.ball.scene import SceneConstants
 
 BALL_SIZE = 9

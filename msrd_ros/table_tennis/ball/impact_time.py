@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.table_tennis.ball.scene import SceneConstants
 from msrd_ros.table_tennis.ball.surfaces import NET, TABLE, blade_gap, fixed_gap
 

@@ -10,10 +10,10 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from msrd_ros.contract.outcome import MissReason, Outcome
+from msrd_ros.core.compiled import njit
 from msrd_ros.table_tennis.ball.scene import SceneConstants
 from msrd_ros.table_tennis.ball.surfaces import FLOOR, NET, PADDLE, TABLE
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.ball.impact_time import (
     REST_SPEED,

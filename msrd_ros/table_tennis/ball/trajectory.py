@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.ball.rebound import rebound_rigid
 from msrd_ros.table_tennis.ball.scene import SceneConstants

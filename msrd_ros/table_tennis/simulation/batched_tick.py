@@ -7,9 +7,9 @@ ball moves by the same step as in Bullet (`step_ball`). What is left out is the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import place_moving_paddle, place_paddle
 from msrd_ros.robots.limits import next_velocity

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pybullet
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.robot import Robot
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.rotations import turn_between, turned
 

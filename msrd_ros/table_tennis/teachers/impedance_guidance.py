@@ -7,9 +7,9 @@ resists. Whoever has led this arm for a while knows how it resists; here that is
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import inverse_dynamics_into
 from msrd_ros.robots.inverse_kinematics import joint_rates_for_twist

@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from msrd_ros.core.compiled import njit
 from msrd_ros.core.paddle import BLADE_RADIUS_M
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import inverse_dynamics_into

@@ -43,6 +43,7 @@ def test_an_unlisted_strategy_is_fed_where_its_demonstrations_met_the_ball(
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.slow
 def test_renamed_pushes_are_learned_and_return_the_ball(tmp_path: Path) -> None:
     bags = rename_strokes(shipped_bags(), "forehand-push", tmp_path / "bags", SMASH)
     episodes = [episode for bag in bags for episode in read_episodes(Bag(bag))]

@@ -1,0 +1,36 @@
+"""Numba's decorators, with a cache that several processes may fill at once.
+
+Numba numbers the data files of a function's signatures and does not lock: of two processes that compile the
+same function for two arms, each may take number one, and an arm is then led by code that was compiled for the
+other's layout. Whatever is compiled here is saved by one process at a time.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import njit, vectorize
+from numba.core.caching import IndexDataCacheFile
+
+__all__ = ["njit", "vectorize"]
+
+_LOCK_FILE = ".lock"
+
+
+def _one_at_a_time(save: Callable[..., None]) -> Callable[..., None]:
+    """A save that holds the lock of its folder; the system lets go of it however the process ends."""
+
+    @functools.wraps(save)
+    def locked(cache: IndexDataCacheFile, key: Any, data: Any) -> None:
+        with Path(cache._cache_path, _LOCK_FILE).open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            save(cache, key, data)
+
+    return locked
+
+
+IndexDataCacheFile.save = _one_at_a_time(IndexDataCacheFile.save)  # type: ignore[method-assign]
