@@ -197,9 +197,8 @@ class Harness:
 
     def _goes_on(self) -> bool:
         """Whether nobody stopped the run; returns once it is not paused."""
-        while self.paused.is_set() and not self.stop.is_set():
+        while self.paused.is_set() and not self.stop.wait(PAUSE_S):
             self._save_if_wanted()
-            time.sleep(PAUSE_S)
         return not self.stop.is_set()
 
     def _follow_up(self) -> None:
