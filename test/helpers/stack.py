@@ -101,12 +101,12 @@ class Stack:
         self.wait_until(lambda: self._said_ns.get(name, 0) > asked_ns, f"diagnostics of {name}")
         return self.diagnostics[name]
 
-    def call(self, kind: Any, service: str, request: Any) -> Any:
+    def call(self, kind: Any, service: str, request: Any, timeout_s: float = ANSWER_TIMEOUT_S) -> Any:
         """Call a service of any type."""
         client = self.node.create_client(kind, service)
         self.wait_until(client.service_is_ready, service, START_TIMEOUT_S)
         future = client.call_async(request)
-        self.wait_until(future.done, f"answer of {service}")
+        self.wait_until(future.done, f"answer of {service}", timeout_s)
         self.node.destroy_client(client)
         return future.result()
 

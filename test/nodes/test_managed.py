@@ -25,7 +25,7 @@ from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import STATE, steady_timer
 from msrd_ros.nodes.managed import LIFECYCLE_SERVICES, ManagedNode, autostart_parameter
 from msrd_ros.stack.doctor import main as doctor
-from stack import Stack
+from stack import START_TIMEOUT_S, Stack
 
 CONFIGURE, CLEANUP = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_CLEANUP
 ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
@@ -246,7 +246,7 @@ def test_a_stack_is_told_over_services(
 ) -> None:
     def ask(node: str, number: int) -> bool:
         request = ChangeState.Request(transition=Transition(id=number))
-        return bool(stack.call(ChangeState, f"{node}/change_state", request).success)
+        return bool(stack.call(ChangeState, f"{node}/change_state", request, START_TIMEOUT_S).success)
 
     recorder = stack.start("recorder", autostart=False, directory=tmp_path / "file" / "bags")
     simulator = stack.start("simulator", autostart=False, show=False)

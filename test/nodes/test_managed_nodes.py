@@ -221,7 +221,7 @@ def test_deactivated_the_recorder_has_written_what_was_decided_and_takes_no_more
             begin = 2_000_000_000 + ball * 3_000_000_000
             messages = stroke_messages(start_ns=begin, ball_id=ball)
             for number, message in enumerate(messages if decided else messages[:-1]):
-                now_ns = message.time_ns
+                now_ns = message.log_time_ns
                 node._take(Arrival(message.topic, message.data, now_ns, now_ns, number))
 
         record(1)
