@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -53,6 +54,9 @@ EVENT = _reliable(100)
 """rally/outcome, feed."""
 STATE = _reliable(1000)
 """joint_states, ball/position, ball/odometry."""
+
+INSTANCE, UP_S = "instance", "up_s"
+"""What every node says of itself in /diagnostics: which process it is, and how long it has been up."""
 
 COMPLAINT_PERIOD_S = 1.0
 MOST_COMPLAINTS = 100
@@ -123,6 +127,10 @@ class StackNode(Node):
     ----------
     config
         Its parameters as they are now: those that are live change while it runs.
+    instance
+        Tells this process from all others that have, had or will have the node's name.
+    up_since_s
+        When it was started, by the steady clock.
     """
 
     command_line: ClassVar[tuple[str, ...]] = ()
@@ -130,6 +138,8 @@ class StackNode(Node):
 
     def __init__(self, name: str, config_type: type[Any], **options: Any) -> None:
         super().__init__(name, **options)
+        self.instance = uuid.uuid4().hex[:12]
+        self.up_since_s = time.monotonic()
         self._look_into_given_files()
         self.config = read_parameters(self, config_type)
         self._hooks: dict[str, Callable[[], None]] = {}
@@ -158,7 +168,8 @@ class StackNode(Node):
         waited = self._waiting.figures()
         level = DiagnosticStatus.WARN if waited else DiagnosticStatus.OK
         name = self.get_fully_qualified_name()
-        array = DiagnosticArray(status=[status(name, message, {**values, **waited}, level)])
+        facts = {INSTANCE: self.instance, UP_S: round(time.monotonic() - self.up_since_s, 3)}
+        array = DiagnosticArray(status=[status(name, message, {**values, **waited, **facts}, level)])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
+from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
@@ -12,15 +13,29 @@ from sensor_msgs.msg import JointState
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.adaptive import AdaptiveSubscription, Received
-from msrd_ros.nodes.common import STATE, steady_timer
+from msrd_ros.nodes.common import INSTANCE, STATE, UP_S, StackNode, steady_timer
 from msrd_ros.nodes.parameter_files import NODES
-from msrd_ros.nodes.sources import Sources
+from msrd_ros.nodes.sources import FORGET_S
 
 START_UP_S = 3.5
 """How long a starting node looks for another one that does its work already."""
 LOOK_PERIOD_S = 0.1
+TIE_S = 0.2
+"""Who is older cannot be told closer: messages take their time."""
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 """What the graph calls a node whose topics have been found and whose name has not; soon it has."""
+
+
+@dataclass
+class Voice:
+    """One process that speaks under a node's name: when it was heard first and last, and since when it is up.
+
+    Times in s, of the listener's steady clock.
+    """
+
+    first_s: float
+    last_s: float
+    up_since_s: float
 
 
 class Speakers:
@@ -36,7 +51,7 @@ class Speakers:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._sources: defaultdict[str, Sources] = defaultdict(Sources)
+        self._voices: defaultdict[str, dict[str, Voice]] = defaultdict(dict)
         profile = QoSProfile(depth=100)
         self._subscription = AdaptiveSubscription(
             node, DiagnosticArray, "/diagnostics", profile, self._on_diagnostics
@@ -46,9 +61,10 @@ class Speakers:
         """Listen no more."""
         self._subscription.close()
 
-    def heard(self, name: str) -> int:
-        """How many nodes of that full name have spoken lately."""
-        return self._sources[name].heard(time.monotonic())
+    def voices(self, name: str) -> dict[str, Voice]:
+        """The processes of that full name that have spoken lately, by their instance."""
+        now_s = time.monotonic()
+        return {key: one for key, one in self._voices[name].items() if now_s - one.last_s <= FORGET_S}
 
     def publishers(self, topic: str) -> list[str]:
         """Full names of all who publish a topic, whether alive or not; sorted."""
@@ -60,18 +76,33 @@ class Speakers:
         names = self.publishers(topic)
         alive = 0
         for name in set(names):
-            ours = name.rpartition("/")[2] in (*NODES, UNKNOWN)
-            now_s = time.monotonic()
-            alive += self._sources[name].count(now_s) * (self._sources[name].heard(now_s) > 0) if ours else 1
+            if name.rpartition("/")[2] not in (*NODES, UNKNOWN):
+                alive += 1
+                continue
+            voices = list(self.voices(name).values())
+            # One that was started in the place of a killed one is not beside it.
+            newest_s = max((one.first_s for one in voices), default=0.0)
+            alive += sum(one.last_s >= newest_s for one in voices)
         return names if alive > 1 else []
 
     def _on_diagnostics(self, received: Received) -> None:
+        now_s = time.monotonic()
         for item in received.message.status:
-            self._sources[item.name].add(received.sequence, time.monotonic())
+            values = {pair.key: pair.value for pair in item.values}
+            try:
+                up_since_s = now_s - float(values.get(UP_S, 0.0))
+            except ValueError:
+                continue  # of somebody else
+            voices = self._voices[item.name]
+            instance = values.get(INSTANCE, "")
+            first_s = voices[instance].first_s if instance in voices else now_s
+            voices[instance] = Voice(first_s, now_s, up_since_s)
+            for gone in [key for key, one in voices.items() if now_s - one.last_s > FORGET_S]:
+                del voices[gone]
 
 
 class SoleSpeaker:
-    """Ends a starting node if another one that is alive already publishes what it is about to.
+    """Ends a starting node if another one that is alive and older publishes what it is about to.
 
     Parameters
     ----------
@@ -85,7 +116,7 @@ class SoleSpeaker:
         What to do about it.
     """
 
-    def __init__(self, node: Node, topic: str, does: str, remedy: str) -> None:
+    def __init__(self, node: StackNode, topic: str, does: str, remedy: str) -> None:
         self._node, self._topic, self._does, self._remedy = node, topic, does, remedy
         self._speakers = Speakers(node)
         self._started_s = time.monotonic()
@@ -104,12 +135,10 @@ class SoleSpeaker:
         return names
 
     def _look(self) -> None:
-        own = self._node.get_fully_qualified_name()
-        others = self._others()
         alive = [
             name
-            for name in others
-            if name.rpartition("/")[2] not in (*NODES, UNKNOWN) or self._speakers.heard(name) > (name == own)
+            for name in self._others()
+            if name.rpartition("/")[2] not in (*NODES, UNKNOWN) or self._speaks_longer(name)
         ]
         if alive:
             raise UserError(
@@ -119,6 +148,15 @@ class SoleSpeaker:
         if time.monotonic() - self._started_s > START_UP_S:
             self._timer.cancel()
             self._speakers.close()
+
+    def _speaks_longer(self, name: str) -> bool:
+        """Whether another process speaks under a name that is up for longer; the younger one gives way."""
+        for instance, voice in self._speakers.voices(name).items():
+            older_s = self._node.up_since_s - voice.up_since_s
+            is_first = older_s > 0.0 if abs(older_s) > TIE_S else instance < self._node.instance
+            if instance != self._node.instance and is_first:
+                return True
+        return False
 
 
 class LiveArm:
