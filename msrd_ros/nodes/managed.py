@@ -35,7 +35,7 @@ def autostart_parameter() -> Any:
     return parameter(True, "Configure and activate at the start; false waits to be told (ros2 lifecycle)")
 
 
-class ManagedNode(LifecycleNodeMixin, StackNode):  # type: ignore[misc]
+class ManagedNode(LifecycleNodeMixin, StackNode):
     """A node that is configured, activated, deactivated and cleaned up.
 
     Topics, services and timers that are made from `configure` on are destroyed by a clean-up; what else has
@@ -59,7 +59,7 @@ class ManagedNode(LifecycleNodeMixin, StackNode):  # type: ignore[misc]
         self.active = False
         if self.config.autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
-                trigger()
+                trigger()  # type: ignore[no-untyped-call]
                 if self._failure is not None:
                     raise self._failure
 

@@ -329,7 +329,7 @@ class Trainer(ManagedNode):
             self._heard_s = time.monotonic()
         elif self._training is None and self._episodes and 0.0 < idle_s < time.monotonic() - self._heard_s:
             self._begin()
-        failure = self._failure_at_start or (self._run and self._run.failure)
+        failure = self._failure_at_start or (self._run.failure if self._run is not None else None)
         if failure is not None:
             raise failure
         if self._run is not None and not self._run.is_alive:

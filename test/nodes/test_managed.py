@@ -107,7 +107,7 @@ def lamp(domain_id: int) -> Iterator[Lamp]:
         node = Lamp(one)
         yield node
         node.close()
-        node.destroy_node()
+        node.destroy_node()  # type: ignore[no-untyped-call]
 
 
 def parts(node: Node) -> list[int]:
@@ -125,7 +125,7 @@ def test_by_itself_it_configures_and_activates(domain_id: int) -> None:
         node.close()
         node.close()
         assert node.steps[2:] == ["given back"]
-        node.destroy_node()
+        node.destroy_node()  # type: ignore[no-untyped-call]
 
 
 @pytest.mark.parametrize("step", ["configure", "activate"])
@@ -141,12 +141,12 @@ def test_one_that_waits_says_for_what(lamp: Lamp) -> None:
     assert lamp.told == ("unconfigured", [f"leave to configure: {WAY_ON} configure)"])
     with pytest.raises(UserError, match="lamp is unconfigured; call /lamp/change_state"):
         lamp.require_active()
-    lamp.trigger_configure()
+    lamp.trigger_configure()  # type: ignore[no-untyped-call]
     assert lamp.told == ("inactive, running", [f"leave to activate: {WAY_ON} activate)"])
     response = Trigger.Response()
     assert lamp.refuses(response)
     assert response.message.startswith("lamp is inactive; ")
-    lamp.trigger_shutdown()
+    lamp.trigger_shutdown()  # type: ignore[no-untyped-call]
     assert lamp.told == ("finalized", ["leave to begin anew: end it and start it again"])
 
 
@@ -154,10 +154,10 @@ def test_twenty_times_round_leave_nothing_behind(lamp: Lamp) -> None:
     before = parts(lamp)
     for _ in range(20):
         for trigger in (lamp.trigger_configure, lamp.trigger_activate):
-            trigger()
+            trigger()  # type: ignore[no-untyped-call]
         inside = parts(lamp)
         for trigger in (lamp.trigger_deactivate, lamp.trigger_cleanup):
-            trigger()
+            trigger()  # type: ignore[no-untyped-call]
         assert parts(lamp) == before
         # Timer, service and publisher.
         assert sum(inside) == sum(before) + 3
@@ -167,9 +167,9 @@ def test_twenty_times_round_leave_nothing_behind(lamp: Lamp) -> None:
 
 
 def test_simulated_time_that_was_asked_for_meanwhile_outlives_a_clean_up(lamp: Lamp) -> None:
-    lamp.trigger_configure()
+    lamp.trigger_configure()  # type: ignore[no-untyped-call]
     lamp.set_parameters_atomically([Parameter("use_sim_time", value=True)])
-    lamp.trigger_cleanup()
+    lamp.trigger_cleanup()  # type: ignore[no-untyped-call]
     assert "/clock" in [subscription.topic_name for subscription in lamp.subscriptions]
 
 

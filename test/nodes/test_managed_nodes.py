@@ -49,7 +49,7 @@ def started(make: Callable[[], Managed], domain_id: int, **parameters: object) -
         yield node
     finally:
         node.close()
-        node.destroy_node()
+        node.destroy_node()  # type: ignore[no-untyped-call]
         try_shutdown()
 
 
@@ -214,7 +214,7 @@ def test_deactivated_the_recorder_has_written_what_was_decided_and_takes_no_more
     with started(Recorder, domain_id, directory=tmp_path) as node:
         verdicts: list[dict[str, str]] = []
         node._verdict.publish = lambda message: verdicts.append(  # type: ignore[assignment, method-assign]
-            {pair.key: pair.value for pair in message.status[0].values}
+            {pair.key: pair.value for pair in message.status[0].values}  # type: ignore[union-attr]
         )
 
         def record(ball: int, decided: bool = True) -> None:
