@@ -27,6 +27,8 @@ PLAYERS = ("simulator", "executor", "evaluator", "recorder")
 CONFIG = Path(__file__).parents[2] / "config"
 RECOVERY_S = 60.0
 """How long after the end of a fault balls may stay away."""
+COMPILING_S = 300.0
+"""How long the first start after an installation may take."""
 TIMEOUT_S = 20.0
 """How long an evaluator waits; one whose simulator has died ends then, and is started again."""
 
@@ -87,7 +89,7 @@ class Play:
         """Take what comes for a while."""
         wait_until(self.spin, lambda: False, seconds)
 
-    def require_play(self, after: str, balls: int = 2) -> None:
+    def require_play(self, after: str, balls: int = 2, within_s: float = RECOVERY_S) -> None:
         """Some balls are decided from now on."""
         wanted = self.guard.outcomes + balls
 
@@ -96,8 +98,8 @@ class Play:
                 self.revive("evaluator")  # it reports nothing of two worlds, and says so
             return self.guard.outcomes >= wanted
 
-        held = wait_until(self.spin, decided, RECOVERY_S)
-        self.finding.require(held, f"no ball in {RECOVERY_S:.0f} s after {after}: {self.last_words()}")
+        held = wait_until(self.spin, decided, within_s)
+        self.finding.require(held, f"no ball in {within_s:.0f} s after {after}: {self.last_words()}")
 
     def last_words(self) -> str:
         """The last line that each node has printed."""
@@ -148,7 +150,7 @@ def play(
         scene.relays = connect(scene)
         for name in ("simulator", "executor", "recorder", "evaluator"):
             scene.start(name)
-        scene.require_play("the start")
+        scene.require_play("the start", within_s=COMPILING_S)
         yield scene
         finding.figures["commands"] = scene.guard.commands
         for name in ("evaluator", "executor", "recorder", "simulator"):

@@ -37,7 +37,7 @@ def observer(domain_id: int) -> Iterator[Node]:
     """A node of the test's own on a domain, in a context of its own."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain_id)
-    node = Node("test_observer", context=context)
+    node = Node("test_observer", context=context, enable_rosout=False)
     try:
         yield node
     finally:

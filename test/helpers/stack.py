@@ -22,6 +22,7 @@ from processes import Installation, Launcher, RunningProcess
 START_TIMEOUT_S = 90.0
 """Code may have to be compiled first."""
 ANSWER_TIMEOUT_S = 30.0
+SETTLE_S = 0.5
 
 
 class Stack:
@@ -40,7 +41,8 @@ class Stack:
         self.launcher = Launcher(Installation("checkout", checkout=True), domain_id, directory)
         self._context = Context()
         rclpy.init(args=[], context=self._context, domain_id=domain_id)
-        self.node = Node("test_observer", context=self._context)
+        # Observers have one name, and two of it in a process would share one publisher of /rosout.
+        self.node = Node("test_observer", context=self._context, enable_rosout=False)
         self.executor = SingleThreadedExecutor(context=self._context)
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, dict[str, str]] = {}
@@ -105,6 +107,9 @@ class Stack:
         """Call a service of any type."""
         client = self.node.create_client(kind, service)
         self.wait_until(client.service_is_ready, service, START_TIMEOUT_S)
+        # A server that has not found the client's reader yet sends its answer to nobody.
+        settled_s = time.monotonic() + SETTLE_S
+        self.wait_until(lambda: time.monotonic() > settled_s, "pause")
         future = client.call_async(request)
         self.wait_until(future.done, f"answer of {service}", timeout_s)
         self.node.destroy_client(client)
