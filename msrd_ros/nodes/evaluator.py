@@ -34,7 +34,7 @@ from msrd_ros.nodes.common import (
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
 from msrd_ros.nodes.sources import FORGET_S
-from msrd_ros.nodes.speakers import Speakers
+from msrd_ros.nodes.speakers import START_UP_S, Speakers
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
 from msrd_ros.table_tennis.strategies.table import (
@@ -192,6 +192,8 @@ class Evaluator(StackNode):
     def _measures_one(self) -> bool:
         """Whether one simulator alone tells what became of a ball; a killed one is waited out.
 
+        Nothing is certain before others have had the time to be found.
+
         Raises
         ------
         UserError
@@ -199,7 +201,7 @@ class Evaluator(StackNode):
         """
         if len(self._speakers.publishers("rally/outcome")) < 2:
             self._doubtful_since_s = None
-            return True
+            return time.monotonic() - self._begun_s > START_UP_S
         several = self._speakers.side_by_side("rally/outcome")
         if several:
             raise UserError(
@@ -234,6 +236,8 @@ class Evaluator(StackNode):
             raise UserError(
                 f"no joint_command in {silent_s:.0f} s; check that simulator and executor still run"
             )
+        if time.monotonic() - self._begun_s < START_UP_S + self.config.timeout_s:
+            return
         raise UserError(
             f"the executor does not take up strategy {self._label}; check its checkpoint and its log"
         )
