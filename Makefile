@@ -47,7 +47,7 @@ $(STAMP): setup.py $(CONSTRAINTS)
 	@$(PYTHON) -c $(SUPPORTED) || { echo "make: Python 3.11 or 3.12 is needed, and $(PYTHON) is $$($(PYTHON) --version 2>&1): give PYTHON=/path/to/python3.12" >&2; exit 2; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) || { echo "make: $(PYTHON) cannot make environments: install its venv module (Debian, Ubuntu: python3-venv)" >&2; exit 2; }
 	@echo '*' > $(VENV)/.gitignore
-	@echo "Installing into $(VENV): one or two minutes; on Python 3.12 more, where pybullet compiles"
+	@echo "Installing into $(VENV): a few minutes; on Python 3.12 more, where pybullet compiles"
 	$(BIN)/python -m pip install --disable-pip-version-check --constraint $(CONSTRAINTS) $(PIP_ARGS) --editable '.[all,test,docs]'
 	@touch $@
 

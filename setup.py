@@ -57,8 +57,8 @@ SIMULATION = [
 STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.1.6"]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
-# Not gymnasium's own extra: before 1.2.3 it compiles Box2D.
-EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0"]
+# Not gymnasium's own extra: before 1.2.3 it compiles Box2D. Without pygame none of its worlds loads.
+EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0", "pygame-ce>=2.4.0"]
 DOCUMENTS = ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8"]
 
 setup(

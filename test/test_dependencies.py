@@ -20,6 +20,7 @@ from processes import CHECKOUT, PACKAGE
 
 EXTRAS: dict[str, set[str]] = {
     "core": set(),
+    "core/compiled.py": {"sim"},
     "contract": set(),
     "bags": set(),
     "learning": {"examples", "minari"},
@@ -33,10 +34,7 @@ EXTRAS: dict[str, set[str]] = {
     "up": {"ros", "sim"},
     "studies": {"studies"},
 }
-"""Extras beside the base installation, by room."""
-
-FOR_SIM = CHECKOUT / PACKAGE / "core" / "compiled.py"
-"""The file of a base room that rooms with the extra `sim` alone import."""
+"""Extras beside the base installation, by room, and by file where one has more than its room."""
 
 BASE_ROOMS = ("core", "contract", "bags", "learning", "recordings")
 NONE_OLDER = {"box2d", "colcon-common-extensions", "ros-jazzy-common-interfaces", "ros-jazzy-rclpy"}
@@ -86,11 +84,17 @@ def ros() -> set[str]:
     return {name for name in named if not name.startswith("python3-")}
 
 
-def imported(folder: Path) -> Iterator[tuple[str, str]]:
-    """What the files below a folder import from others' packages, and where."""
+def files(place: Path) -> list[Path]:
+    """A file, or those below a folder but such as have extras of their own."""
+    apart = {CHECKOUT / PACKAGE / name for name in EXTRAS if name.endswith(".py")}
+    return [place] if place.is_file() else sorted(set(place.rglob("*.py")) - apart)
+
+
+def imported(place: Path) -> Iterator[tuple[str, str]]:
+    """What a file, or those below a folder, import from others' packages, and where."""
     own = {path.stem for path in (CHECKOUT / "test" / "helpers").glob("*.py")}
     own |= {path.stem for path in (CHECKOUT / "benchmarks").iterdir()} | {PACKAGE, "setup"}
-    for path in sorted(folder.rglob("*.py")):
+    for path in files(place):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names: list[str] = []
             line = 0
@@ -113,10 +117,10 @@ def distributions(module: str) -> set[str]:
     return {normal(name) for name in installed().get(top, [top])}
 
 
-def undeclared(folder: Path, allowed: set[str], ros: set[str], with_ros: bool) -> list[str]:
-    """Imports below a folder that no allowed distribution brings."""
+def undeclared(place: Path, allowed: set[str], ros: set[str], with_ros: bool) -> list[str]:
+    """Imports of a file, or below a folder, that no allowed distribution brings."""
     found = []
-    for module, where in imported(folder):
+    for module, where in imported(place):
         of_ros = module.partition(".")[0] in ros
         known = with_ros if of_ros else bool(distributions(module) & allowed)
         if not known:
@@ -130,15 +134,12 @@ def test_a_room_imports_what_its_extras_bring(
 ) -> None:
     allowed = declared[""].union(*(declared[extra] for extra in EXTRAS[room]))
     found = undeclared(CHECKOUT / PACKAGE / room, allowed, ros, "ros" in EXTRAS[room])
-    if room == "core":
-        of_sim = undeclared(FOR_SIM.parent, allowed | declared["sim"], ros, with_ros=False)
-        found = [line for line in found if not line.startswith(str(FOR_SIM.relative_to(CHECKOUT)))] + of_sim
     assert not found, "\n".join(found)
 
 
 def test_every_room_is_listed() -> None:
     rooms = {path.parent.name for path in (CHECKOUT / PACKAGE).glob("*/__init__.py")}
-    assert rooms == set(EXTRAS)
+    assert rooms == {name for name in EXTRAS if not name.endswith(".py")}
 
 
 @pytest.mark.parametrize("folder", ["test", "benchmarks", "scripts"])
@@ -151,7 +152,8 @@ def test_tests_and_benchmarks_import_what_make_venv_installs(
 
 
 def test_nothing_is_declared_in_vain(declared: dict[str, set[str]]) -> None:
-    used = {name for module, _ in imported(CHECKOUT / PACKAGE) for name in distributions(module)}
+    places = [CHECKOUT / PACKAGE, *(CHECKOUT / PACKAGE / name for name in EXTRAS if name.endswith(".py"))]
+    used = {name for place in places for module, _ in imported(place) for name in distributions(module)}
     asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari")))
     assert asked - used == set()
 
@@ -183,8 +185,7 @@ def test_library_and_bags_load_without_any_extra(declared: dict[str, set[str]], 
     modules = [
         ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__")
         for room in BASE_ROOMS
-        for path in sorted((CHECKOUT / PACKAGE / room).rglob("*.py"))
-        if path != FOR_SIM
+        for path in files(CHECKOUT / PACKAGE / room)
     ]
     code = f"""
 import importlib, sys

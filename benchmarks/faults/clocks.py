@@ -55,9 +55,7 @@ def _jumping(setting: Setting, mode: str) -> Finding:
             scene.spin_for(float(rng.uniform(0.5, 4.0)))
             _set_clock(files[name], 0.0)
             scene.require_play(f"the clock of {name} jumped by {jump_s:g} s and back")
-            for other in PLAYERS:
-                finding.require(scene.nodes[other].running, f"{other} ended when the clock of {name} jumped")
-            scene.revive(*PLAYERS)
+            scene.require_all(f"when the clock of {name} jumped")
     return finding
 
 

@@ -94,8 +94,7 @@ class Play:
         wanted = self.guard.outcomes + balls
 
         def decided() -> bool:
-            if not self.nodes["evaluator"].running:
-                self.revive("evaluator")  # it reports nothing of two worlds, and says so
+            self.revive("evaluator")  # it reports nothing of two worlds, and says so
             return self.guard.outcomes >= wanted
 
         held = wait_until(self.spin, decided, within_s)
@@ -115,6 +114,12 @@ class Play:
             if not self.nodes[name].running:
                 self.require_a_cause(name)
                 self.start(name)
+
+    def require_all(self, when: str) -> None:
+        """No node has ended; one that has is started again."""
+        for name in PLAYERS:
+            self.finding.require(self.nodes[name].running, f"{name} ended {when}")
+        self.revive(*PLAYERS)
 
     def require_a_cause(self, name: str) -> None:
         """A node that has ended by itself has said why, and not with a traceback."""
@@ -168,7 +173,7 @@ def killed(setting: Setting) -> Finding:
     """SIGKILL one node at a random moment, start it again."""
     rng, finding = setting.rng("killed"), Finding()
     with play(setting, finding) as scene:
-        for _ in range(setting.count(60, least=2)):
+        for _ in range(setting.count(60, least=4)):
             finding.tried += 1
             name = PLAYERS[finding.tried % len(PLAYERS)]
             scene.spin_for(float(rng.uniform(0.0, 3.0)))
@@ -184,7 +189,7 @@ def stopped(setting: Setting) -> Finding:
     """SIGSTOP one node for a while at a random moment."""
     rng, finding = setting.rng("stopped"), Finding()
     with play(setting, finding) as scene:
-        for _ in range(setting.count(60, least=2)):
+        for _ in range(setting.count(60, least=4)):
             finding.tried += 1
             name = PLAYERS[finding.tried % len(PLAYERS)]
             scene.spin_for(float(rng.uniform(0.0, 2.0)))
@@ -192,9 +197,7 @@ def stopped(setting: Setting) -> Finding:
             scene.spin_for(float(rng.uniform(0.1, 4.0)))
             scene.nodes[name].send_signal(signal.SIGCONT)
             scene.require_play(f"{name} stood still for a while")
-            for other in PLAYERS:
-                finding.require(scene.nodes[other].running, f"{other} ended while {name} stood still")
-            scene.revive(*PLAYERS)
+            scene.require_all(f"while {name} stood still")
     return finding
 
 

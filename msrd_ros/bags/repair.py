@@ -18,7 +18,7 @@ from msrd_ros.bags.metadata import METADATA_FILE, ROOT_KEY, split_name
 from msrd_ros.bags.schemas import is_known_type
 from msrd_ros.bags.strokes import STATES
 from msrd_ros.bags.writer import write_bag
-from msrd_ros.contract.topics import CONTRACT, BagMessage, BagTopic
+from msrd_ros.contract.topics import CONTRACT, LATCHED_TOPICS, BagMessage, BagTopic
 from msrd_ros.core.errors import UserError
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 0x03, 0x04, 0x05, 0x06
@@ -29,7 +29,7 @@ _PARTIAL_STEP = 1024
 _MOST_LISTED = 10
 
 
-_LATCHED = tuple(f"/{facts.name.lstrip('/')}" for facts in CONTRACT.values() if facts.latched)
+_LATCHED = tuple(f"/{name.lstrip('/')}" for name in LATCHED_TOPICS)
 
 
 class _Channel(NamedTuple):

@@ -61,6 +61,9 @@ CONTRACT: Mapping[str, TopicFacts] = MappingProxyType(
 )
 """Topics by relative name. `ball/odometry` is ground truth: recorded only on request, never learned from."""
 
+LATCHED_TOPICS = tuple(name for name, facts in CONTRACT.items() if facts.latched)
+"""Those whose newest message may be much older than the stroke that it belongs to."""
+
 
 class BagTopic(NamedTuple):
     """A topic as a bag holds it.

@@ -157,6 +157,7 @@ class Evaluator(StackNode):
             self._connected = referee_hears(self, self._feed)
             return
         if not self._measures_one():
+            self._since_s = time.monotonic()  # the executor has answered; it is not what is waited for
             return
         feed = Feeder().sample(self._side(self._label), SPREADS[self.config.spread], self._rng)
         self._feed.publish(feed_to_message(feed))
@@ -236,8 +237,6 @@ class Evaluator(StackNode):
             raise UserError(
                 f"no joint_command in {silent_s:.0f} s; check that simulator and executor still run"
             )
-        if time.monotonic() - self._begun_s < START_UP_S + self.config.timeout_s:
-            return
         raise UserError(
             f"the executor does not take up strategy {self._label}; check its checkpoint and its log"
         )

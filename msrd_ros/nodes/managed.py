@@ -53,7 +53,7 @@ class ManagedNode(LifecycleNodeMixin, StackNode):
         LifecycleNodeMixin.__init__(self)
         self._ask_state_machine = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
-        self._lasting = list(self._parts())
+        self._lasting = [part for part, _ in self._parts()]
         self._held = ExitStack()
         self._failure: Exception | None = None
         self.active = False
@@ -214,25 +214,18 @@ class ManagedNode(LifecycleNodeMixin, StackNode):
             self._hooks.clear()
             # Of use_sim_time, which may be set at any time.
             kept = [*self._lasting, self._time_source._clock_sub]
-            for part in [part for part in self._parts() if part not in kept]:
-                for destroy in (
-                    self.destroy_timer,
-                    self.destroy_subscription,
-                    self.destroy_service,
-                    self.destroy_client,
-                    self.destroy_guard_condition,
-                    self.destroy_publisher,
-                ):
-                    if destroy(part):
-                        break
+            for part, destroy in list(self._parts()):
+                if part not in kept:
+                    destroy(part)
 
-    def _parts(self) -> Iterator[Any]:
-        for parts in (
-            self.timers,
-            self.subscriptions,
-            self.services,
-            self.clients,
-            self.guards,
-            self.publishers,
+    def _parts(self) -> Iterator[tuple[Any, Callable[[Any], bool]]]:
+        """Everything that the node has of rclpy, and what destroys it."""
+        for parts, destroy in (
+            (self.timers, self.destroy_timer),
+            (self.subscriptions, self.destroy_subscription),
+            (self.services, self.destroy_service),
+            (self.clients, self.destroy_client),
+            (self.guards, self.destroy_guard_condition),
+            (self.publishers, self.destroy_publisher),
         ):
-            yield from parts
+            yield from ((part, destroy) for part in parts)

@@ -22,15 +22,16 @@ WIDTH = 96
 
 def node_type(node: str) -> type[Any]:
     """Class of a node."""
-    module = importlib.import_module(f"msrd_ros.nodes.{node}")
-    found: type[Any] = getattr(module, node.capitalize())
-    return found
+    return _class_of(node, node.capitalize())
 
 
 def config_type(node: str) -> type[Any]:
     """Dataclass of a node's parameters."""
-    module = importlib.import_module(f"msrd_ros.nodes.{node}")
-    found: type[Any] = getattr(module, f"{node.capitalize()}Config")
+    return _class_of(node, f"{node.capitalize()}Config")
+
+
+def _class_of(node: str, name: str) -> type[Any]:
+    found: type[Any] = getattr(importlib.import_module(f"msrd_ros.nodes.{node}"), name)
     return found
 
 

@@ -133,8 +133,7 @@ class Recorder(ManagedNode):
 
     def deactivate(self) -> None:
         """Write what is decided, and drop the stroke under way."""
-        while self._buffer.pending:
-            self._cut()
+        self._cut_all()
         self._buffer.discard()
         # The one thread takes its work in turn.
         self._writer.submit(self._written.trigger).result()
@@ -142,8 +141,7 @@ class Recorder(ManagedNode):
 
     def _finish(self) -> None:
         """Keep what is decided, although the node is told to stop."""
-        while self._buffer.pending:
-            self._cut()
+        self._cut_all()
         self._writer.shutdown(wait=True)
         while not self._results.empty():
             self._report(self._results.get(), publish=False)
@@ -228,6 +226,11 @@ class Recorder(ManagedNode):
             self._cut()
         if not self._buffer.pending:
             self._settle_timer.cancel()
+
+    def _cut_all(self) -> None:
+        """Cut all that is decided, settled or not."""
+        while self._buffer.pending:
+            self._cut()
 
     def _cut(self) -> None:
         stroke = self._buffer.cut()

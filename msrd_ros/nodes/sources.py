@@ -47,7 +47,3 @@ class Sources:
         """How many publishers go on side by side at present."""
         turns = Counter(source for source, heard_s in self._turns if now_s - heard_s <= FORGET_S)
         return max(sum(count >= INTERLEAVED for count in turns.values()), 1)
-
-    def heard(self, now_s: float) -> int:
-        """How many publishers have been heard lately, be it for the first time."""
-        return len({source for source, heard_s in self._turns if now_s - heard_s <= FORGET_S})

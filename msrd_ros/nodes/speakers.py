@@ -166,19 +166,18 @@ class LiveArm:
     ----------
     node
         Who is about to play.
-
-    Attributes
-    ----------
-    listens
-        Whether it does, and so is one of the subscribers.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._joints: set[str] = set()
-        self.listens = True
         self._subscription = AdaptiveSubscription(node, JointState, "joint_states", STATE, self._on_state)
         self._timer = steady_timer(node, LOOK_PERIOD_S, self._subscription.adapt)
+
+    @property
+    def listens(self) -> bool:
+        """Whether it does, and so is one of the subscribers."""
+        return not self._timer.is_canceled()
 
     def refuse(self) -> None:
         """Refuse to play beside an arm; call it before the first message is played, then `close`.
@@ -197,7 +196,6 @@ class LiveArm:
 
     def close(self) -> None:
         """Listen no more."""
-        self.listens = False
         self._timer.cancel()
         self._subscription.close()
 

@@ -196,14 +196,14 @@ class Trainer(ManagedNode):
     def activate(self) -> None:
         """Train on what lies in the folder, or go on."""
         if self._run is not None:
-            self._run.pause(False)
+            self._run.go_on()
         elif self.config.source == "folder":
             self._begin()
 
     def deactivate(self) -> None:
         """Let training wait after the present iteration, with a checkpoint written."""
         if self._run is not None:
-            self._run.pause(True)
+            self._run.pause()
 
     def waits_for(self) -> list[str]:
         """Demonstrations that are missing while they come over topics, or who plays the policies."""

@@ -32,13 +32,14 @@ class TrainingThread:
         """Whether training is not over."""
         return self._thread.is_alive()
 
-    def pause(self, wanted: bool) -> None:
-        """Wait after the present iteration, with a checkpoint written; or go on."""
-        if not wanted:
-            self.harness.paused.clear()
-            return
+    def pause(self) -> None:
+        """Wait after the present iteration, with a checkpoint written."""
         self.harness.paused.set()
         self.harness.checkpoint_wanted.set()
+
+    def go_on(self) -> None:
+        """End a pause, if there is one."""
+        self.harness.paused.clear()
 
     def close(self) -> None:
         """End training after the present iteration, and keep what was learned."""

@@ -18,6 +18,7 @@ from msrd_ros.contract.topics import (
     CONTRACT,
     FEED,
     JOINT_STATES,
+    LATCHED_TOPICS,
     OUTCOME,
     STRATEGY,
     BagMessage,
@@ -162,8 +163,7 @@ def _check_pauses(stroke: Stroke, samples: StrokeSamples, limits: InspectionLimi
     """Pauses, and a launch that was missed."""
     joints, balls = samples.joints, samples.ball
     feeds = [message for message in stroke.messages if message.topic == FEED]
-    # What is latched, such as a description of the arm, may be much older than the stroke.
-    begin_ns = next(message.log_time_ns for message in stroke.messages if not _is_latched(message.topic))
+    begin_ns = next(message.log_time_ns for message in stroke.messages if message.topic not in LATCHED_TOPICS)
     gap_s, row = _longest_gap(stroke, joints, begin_ns)
     if gap_s > limits.joint_gap_s:
         yield Finding(Refusal.JOINT_GAP, f"joint_states paused for {gap_s:.3f} s", int(joints.message[row]))
@@ -186,10 +186,6 @@ def _check_pauses(stroke: Stroke, samples: StrokeSamples, limits: InspectionLimi
     gap_s, row = _longest_gap(stroke, balls, stroke.launch_ns if feeds else int(balls.log_ns[0]))
     if gap_s > limits.ball_gap_s:
         yield Finding(Refusal.BALL_STALE, f"ball/position paused for {gap_s:.3f} s", int(balls.message[row]))
-
-
-def _is_latched(topic: str) -> bool:
-    return topic in CONTRACT and CONTRACT[topic].latched
 
 
 def _moves(track: Track, launch_ns: int) -> NDArray[np.bool_]:

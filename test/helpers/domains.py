@@ -32,14 +32,25 @@ def reserved_domain() -> Iterator[int]:
         yield candidate
 
 
-@contextmanager
-def observer(domain_id: int) -> Iterator[Node]:
+def open_observer(domain_id: int) -> Node:
     """A node of the test's own on a domain, in a context of its own."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain_id)
-    node = Node("test_observer", context=context, enable_rosout=False)
+    # Observers have one name, and two of it in a process would share one publisher of /rosout.
+    return Node("test_observer", context=context, enable_rosout=False)
+
+
+def close_observer(node: Node) -> None:
+    """End it and its context."""
+    node.destroy_node()
+    node.context.try_shutdown()
+
+
+@contextmanager
+def observer(domain_id: int) -> Iterator[Node]:
+    """An observer for as long as the context lasts."""
+    node = open_observer(domain_id)
     try:
         yield node
     finally:
-        node.destroy_node()
-        context.try_shutdown()
+        close_observer(node)

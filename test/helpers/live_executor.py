@@ -19,6 +19,7 @@ from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.nodes.adaptive import Received
 from msrd_ros.nodes.executor import Executor
 from msrd_ros.nodes.messages import bytes_to_message
+from msrd_ros.stack.processes import ros_arguments
 from sawyer import (
     ACCELERATION_LIMIT_RAD_S2,
     HOME_POSTURE_RAD,
@@ -167,11 +168,7 @@ def require_safe(commands: list[JointTrajectory], pauses: bool = False) -> None:
 @contextmanager
 def live_executor(domain_id: int, **parameters: object) -> Iterator[LiveExecutor]:
     """An executor on a domain of its own, alone there; configured, and active unless `autostart` is false."""
-    arguments = ["--ros-args"]
-    for name, value in parameters.items():
-        text = str(value).lower() if isinstance(value, bool) else str(value)
-        arguments += ["-p", f"{name}:={text}"]
-    rclpy.init(args=arguments, domain_id=domain_id)
+    rclpy.init(args=ros_arguments(parameters), domain_id=domain_id)
     node = Executor()
     if not node.config.autostart:
         node.trigger_configure()

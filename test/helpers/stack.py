@@ -7,14 +7,12 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from domains import close_observer, open_observer
 from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.nodes.common import STATE
 from processes import Installation, Launcher, RunningProcess
@@ -39,11 +37,8 @@ class Stack:
     def __init__(self, domain_id: int, directory: Any) -> None:
         self.domain_id = domain_id
         self.launcher = Launcher(Installation("checkout", checkout=True), domain_id, directory)
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, domain_id=domain_id)
-        # Observers have one name, and two of it in a process would share one publisher of /rosout.
-        self.node = Node("test_observer", context=self._context, enable_rosout=False)
-        self.executor = SingleThreadedExecutor(context=self._context)
+        self.node = open_observer(domain_id)
+        self.executor = SingleThreadedExecutor(context=self.node.context)
         self.executor.add_node(self.node)
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._said_ns: dict[str, int] = {}
@@ -57,8 +52,7 @@ class Stack:
     ) -> None:
         self.launcher.close()
         self.executor.shutdown()
-        self.node.destroy_node()
-        self._context.try_shutdown()
+        close_observer(self.node)
 
     def start(self, name: str, **parameters: Any) -> RunningProcess:
         """Start an executable; it may take a while until it is ready."""

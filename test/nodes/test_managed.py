@@ -25,6 +25,7 @@ from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import STATE, steady_timer
 from msrd_ros.nodes.managed import LIFECYCLE_SERVICES, ManagedNode, autostart_parameter
 from msrd_ros.stack.doctor import main as doctor
+from msrd_ros.stack.processes import ros_arguments
 from stack import START_TIMEOUT_S, Stack
 
 CONFIGURE, CLEANUP = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_CLEANUP
@@ -90,11 +91,8 @@ class Lamp(ManagedNode):
 
 @contextmanager
 def context(domain_id: int, **parameters: object) -> Iterator[Context]:
-    words = ["--ros-args"]
-    for name, value in parameters.items():
-        words += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
     one = Context()
-    rclpy.init(args=words if parameters else [], context=one, domain_id=domain_id)
+    rclpy.init(args=ros_arguments(parameters), context=one, domain_id=domain_id)
     try:
         yield one
     finally:

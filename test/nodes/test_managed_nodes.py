@@ -26,6 +26,7 @@ from msrd_ros.nodes.recorder import Recorder
 from msrd_ros.nodes.simulator import Simulator
 from msrd_ros.nodes.trainer import Trainer
 from msrd_ros.recordings.library import BagLibrary
+from msrd_ros.stack.processes import ros_arguments
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from synthetic_strokes import stroke_messages
 
@@ -40,10 +41,7 @@ Managed = TypeVar("Managed", bound=ManagedNode)
 @contextmanager
 def started(make: Callable[[], Managed], domain_id: int, **parameters: object) -> Iterator[Managed]:
     """A node in the test's own process."""
-    words = ["--ros-args"]
-    for name, value in parameters.items():
-        words += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
-    rclpy.init(args=words if parameters else [], domain_id=domain_id)
+    rclpy.init(args=ros_arguments(parameters), domain_id=domain_id)
     node = make()
     try:
         yield node
