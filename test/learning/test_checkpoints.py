@@ -164,13 +164,17 @@ def test_unwritable_place_is_refused(tmp_path: Path) -> None:
         save_checkpoint(blocked / "c.safetensors", trainer())
 
 
-def test_a_checkpoint_of_0_1_0_goes_on_bit_for_bit_as_it_did_there() -> None:
+def test_a_checkpoint_of_0_1_0_goes_on_as_it_did_there() -> None:
     """Its settings and state have the names of that version."""
     resumed = trainer(seed=99)
     load_checkpoint(EARLIER / "checkpoint.safetensors", resumed)
     assert resumed.iterations_done == 2
+    before = [tensor.detach().clone() for tensor in weights(resumed)]
     for _ in range(2):
         resumed.iterate()
     expected = load_file(EARLIER / "weights_two_sweeps_later.safetensors")
-    for index, found in enumerate(weights(resumed)):
-        assert torch.equal(found, expected[str(index)])
+    for index, (found, start) in enumerate(zip(weights(resumed), before, strict=True)):
+        # Bit for bit on the processor that wrote them; others add up in another order, which the conjugate
+        # gradients make 0.7 % of a step. Anything that is not restored changes a step as a whole.
+        apart = torch.linalg.norm(found - expected[str(index)])
+        assert apart <= 0.02 * torch.linalg.norm(expected[str(index)] - start)

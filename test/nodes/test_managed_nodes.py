@@ -247,8 +247,8 @@ def test_deactivated_the_recorder_has_written_what_was_decided_and_takes_no_more
 
 def test_training_waits_goes_on_is_freed_and_resumed(domain_id: int, tmp_path: Path) -> None:
     tiny = {
-        "labels": f"[{ALL_LABELS[0]}]",
-        "subjects": "[subject_01]",
+        "labels": [str(ALL_LABELS[0])],
+        "subjects": ["subject_01"],
         "episodes": 4,
         "evaluate_every": 0,
         "workers": 1,
