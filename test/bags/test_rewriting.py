@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -85,6 +87,10 @@ def test_what_cannot_be_written_anew_is_refused_with_what_to_do(tmp_path: Path) 
     alone = write_mcap(tmp_path / "alone.mcap", messages_of())
     with pytest.raises(UserError, match=r"make one of it with: python -m msrd_ros.bags repair .*alone.mcap"):
         rewrite_bag(read_info(alone), tmp_path / "target", same, {})
+    told: list[dict[str, Any]] = [{"storage": "sqlite3"}, {"packed": True}]
+    for stored in told:
+        with pytest.raises(UserError, match="make plain MCAP of it with ros2 bag convert"):
+            rewrite_bag(replace(read_info(shipped()), **stored), tmp_path / "target", same, {})
     with pytest.raises(UserError, match="nothing of it would be left"):
         rewrite_bag(read_info(shipped()), tmp_path / "target", lambda message: None, {})
     assert not (tmp_path / "target").exists()
