@@ -140,7 +140,7 @@ def _read_undescribed(path: Path, files: Sequence[Path]) -> BagInfo:
 
 
 def _read_described(path: Path) -> BagInfo:
-    root = _load(path)
+    root = load_metadata(path)
     try:
         custom = {str(key): str(value) for key, value in (root.get("custom_data") or {}).items()}
         types = {
@@ -191,7 +191,14 @@ def _info(path: Path, custom: Mapping[str, str], **facts: Any) -> BagInfo:
     )
 
 
-def _load(path: Path) -> dict[str, Any]:
+def load_metadata(path: Path) -> dict[str, Any]:
+    """All that a bag's ``metadata.yaml`` says, below its root key.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read; names the bag and says what to do.
+    """
     file = path / METADATA_FILE
     try:
         root = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)[ROOT_KEY]

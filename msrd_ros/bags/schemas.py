@@ -10,6 +10,8 @@ from rosbags.typesys.store import Typestore
 
 from msrd_ros.core.errors import UserError
 
+HEADER_TYPE = "std_msgs/msg/Header"
+
 
 @cache
 def typestore() -> Typestore:
@@ -61,3 +63,17 @@ def deserialise(data: bytes, type_name: str) -> Any:
 def serialise(message: Any, type_name: str) -> bytes:
     """CDR of a message from `deserialise`."""
     return bytes(typestore().serialize_cdr(message, type_name))
+
+
+def with_frame(data: bytes, type_name: str, frame_id: str) -> bytes:
+    """The same message with another `header.frame_id`; a bare std_msgs/Header is its own header.
+
+    Raises
+    ------
+    UserError
+        If the bytes are no such message.
+    """
+    message = deserialise(data, type_name)
+    header = message if type_name == HEADER_TYPE else message.header
+    header.frame_id = frame_id
+    return serialise(message, type_name)

@@ -6,7 +6,8 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from mcap.writer import CompressionType, IndexType, Writer
@@ -23,9 +24,10 @@ from msrd_ros.bags.metadata import (
 from msrd_ros.bags.schemas import describe_type
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import BagMessage, BagTopic
+from msrd_ros.core.files import make_folder, sync_folder, write_synced
 
 _ASIDE = re.compile(r"\.writing-(?P<pid>\d+)-[0-9a-f]+")
-_SUMMARY = IndexType.CHUNK | IndexType.MESSAGE | IndexType.METADATA
+SUMMARY = IndexType.CHUNK | IndexType.MESSAGE | IndexType.METADATA
 """All but attachments: an index without entries would be an error to MCAP's doctor."""
 
 
@@ -62,7 +64,7 @@ def keep_stroke(
     folder = root / check_subject(subject)
     custom = {"label": str(label), "subject": subject, **custom_data}
     while True:
-        path = folder / f"{label}_{_next_number(folder, label):03d}"
+        path = folder / f"{label}_{next_number(folder, label):03d}"
         try:
             write_bag(path, topics, messages, custom)
         except FileExistsError:
@@ -88,17 +90,32 @@ def write_bag(
     OSError
         If it cannot be written; then nothing has appeared.
     """
-    if path.exists():
-        raise FileExistsError(f"{path} exists")
-    _make_folder(path.parent)
-    aside = path.parent / f".writing-{os.getpid()}-{secrets.token_hex(4)}"
-    aside.mkdir()
-    try:
+    with appearing(path) as aside:
         name = f"{path.name}_0.mcap"
         metadata = build_metadata(name, topics, messages, custom_data)
         _write_mcap(aside / name, topics, messages, dump_yaml(metadata))
-        _write_synced(aside / METADATA_FILE, dump_yaml({ROOT_KEY: metadata}).encode())
-        _sync_folder(aside)
+        write_synced(aside / METADATA_FILE, dump_yaml({ROOT_KEY: metadata}).encode())
+
+
+@contextmanager
+def appearing(path: Path) -> Iterator[Path]:
+    """A hidden directory next to `path` to write into, which becomes `path` when all of it is on the disk.
+
+    Raises
+    ------
+    FileExistsError
+        If `path` exists; it is left alone.
+    OSError
+        If it cannot be written; then nothing has appeared.
+    """
+    if path.exists():
+        raise FileExistsError(f"{path} exists")
+    make_folder(path.parent)
+    aside = path.parent / f".writing-{os.getpid()}-{secrets.token_hex(4)}"
+    aside.mkdir()
+    try:
+        yield aside
+        sync_folder(aside)
         if path.exists():
             raise FileExistsError(f"{path} exists")
         try:
@@ -109,7 +126,7 @@ def write_bag(
     except BaseException:
         shutil.rmtree(aside, ignore_errors=True)
         raise
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
 
 
 def remove_leftovers(root: Path) -> int:
@@ -127,12 +144,12 @@ def remove_leftovers(root: Path) -> int:
 def set_aside(root: Path, path: Path) -> Path:
     """Move a bag to ``<root>/.discarded/<subject>/``, where no library looks; returns its new directory."""
     folder = root / ".discarded" / path.parent.name
-    _make_folder(folder)
+    make_folder(folder)
     target = folder / path.name
     while target.exists():
         target = folder / f"{path.name}-{secrets.token_hex(4)}"
     path.rename(target)
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
     return target
 
 
@@ -146,7 +163,8 @@ def _is_running(pid: int) -> bool:
     return True
 
 
-def _next_number(folder: Path, label: StrategyLabel) -> int:
+def next_number(folder: Path, label: StrategyLabel) -> int:
+    """The number of a subject's next bag with this label: higher than any that lies in its folder."""
     if not folder.is_dir():
         return 1
     split = [split_name(entry.name) for entry in folder.iterdir()]
@@ -157,7 +175,7 @@ def _write_mcap(
     file: Path, topics: Sequence[BagTopic], messages: Sequence[BagMessage], metadata: str
 ) -> None:
     with file.open("xb") as stream:
-        writer = Writer(stream, compression=CompressionType.ZSTD, index_types=_SUMMARY)
+        writer = Writer(stream, compression=CompressionType.ZSTD, index_types=SUMMARY)
         writer.start(profile="ros2", library="msrd_ros")
         schemas: dict[str, int] = {}
         channels: dict[str, int] = {}
@@ -179,27 +197,3 @@ def _write_mcap(
         writer.finish()
         stream.flush()
         os.fsync(stream.fileno())
-
-
-def _write_synced(file: Path, content: bytes) -> None:
-    with file.open("xb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-
-
-def _make_folder(folder: Path) -> None:
-    """Make a directory and all above it, so that they outlive a power cut."""
-    if folder.is_dir():
-        return
-    _make_folder(folder.parent)
-    folder.mkdir(exist_ok=True)
-    _sync_folder(folder.parent)
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

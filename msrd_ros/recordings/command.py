@@ -1,4 +1,4 @@
-"""The command ``python -m msrd_ros.bags``: check bags, and repair what was cut off."""
+"""The command ``python -m msrd_ros.bags``: check, repair, list and edit bags."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ import sys
 from pathlib import Path
 
 from msrd_ros.bags.repair import repair
-from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.check import check, write_json
-from msrd_ros.robots.default import DEFAULT_ROBOT
-from msrd_ros.robots.loading import load_robot
+from msrd_ros.recordings.editing_command import add_editing_verbs, add_reading_options, read_options
 
 ACCEPTED, REFUSED, WRONG_CALL = 0, 1, 2
 
@@ -21,8 +19,8 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns
     -------
-    0 if all bags are accepted, or what was cut off is recovered; 1 if one is refused or there is none; 2 for
-    a wrong call, or where nothing can be recovered.
+    0 if all bags are accepted, what was cut off is recovered, strokes are listed, or an edit is done; 1 if a
+    bag is refused or there is none; 2 for a wrong call, or where nothing can be recovered or edited.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -39,14 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     one = verbs.add_parser("check", help="say which bags may serve as demonstrations, and why others may not")
     one.add_argument("path", type=Path, metavar="PATH", help="a folder of bags, a bag or an MCAP file")
-    one.add_argument("--robot", default=DEFAULT_ROBOT, help="the arm that was led: a name or a folder")
-    one.add_argument(
-        "--topics",
-        action="append",
-        default=[],
-        metavar="NAME:=NAME_IN_BAG",
-        help="what a topic is called in the bags; may be given several times",
-    )
+    add_reading_options(one)
     one.add_argument("--json", action="store_true", help="print one object a bag, and nothing else")
     one.set_defaults(run=_check)
     other = verbs.add_parser("repair", help="recover what is left of a recording that was cut off")
@@ -55,12 +46,12 @@ def _parser() -> argparse.ArgumentParser:
         "target", type=Path, nargs="?", help="directory of the new bag; BAG_repaired if left out"
     )
     other.set_defaults(run=_repair)
+    add_editing_verbs(verbs)
     return parser
 
 
 def _check(options: argparse.Namespace) -> int:
-    names = parse_topic_names(options.topics, "--topics")
-    checked = check(options.path, load_robot(options.robot), names)
+    checked = check(options.path, *read_options(options))
     if options.json:
         print(_as_option(write_json(checked)))
     else:

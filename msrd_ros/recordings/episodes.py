@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from msrd_ros.bags.devices import ArmMessages
 from msrd_ros.bags.info import BagInfo
@@ -62,22 +63,15 @@ def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = T
     UserError
         If the bag cannot be read, or is of another robot; names the bag.
     """
-    original = bag.raw()
-    info, source = bag.info, f"bag {bag.info.path}"
-    arm = robot or default_robot()
-    if ROBOT_KEY in info.custom_data:
-        arm.require(info.custom_data[ROBOT_KEY], source)
-    is_arms = ArmMessages(arm)
-    messages = [message._replace(topic=bag.role(message.topic)) for message in original]
-    strokes = _strokes(bag, original, messages, is_arms)
+    arm, info = robot or default_robot(), bag.info
+    strokes, origin, remarks = cut_bag(bag, arm)
     if not demonstrations_only and len(strokes) == 1:
         strokes = [replace(stroke, outcome=None) for stroke in strokes]
     elif not info.kept:
         return BagReading(info, refused=(f"its recorder refused it: {info.custom_data.get('reason', '?')}",))
-    origin = Origin(info.subject, source, original[0].log_time_ns if original else 0)
     limits = InspectionLimits.of(info.custom_data)
     episodes, refused = [], []
-    notes = dict.fromkeys(is_arms.remarks())
+    notes = dict.fromkeys(remarks)
     for stroke in strokes:
         verdict, episode = judge(stroke, arm, limits, origin)
         notes.update(dict.fromkeys(verdict.notes))
@@ -91,6 +85,43 @@ def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = T
     for name, setting in limits.settings().items():
         notes[f"inspected with {name} {setting}, as its recorder was set"] = None
     return BagReading(info, tuple(episodes), tuple(refused), tuple(notes))
+
+
+class CutBag(NamedTuple):
+    """The strokes of a bag, not yet inspected.
+
+    Attributes
+    ----------
+    strokes
+        In their order; one recording of one ball is one stroke.
+    origin
+        What to inspect them with.
+    remarks
+        What was passed over.
+    """
+
+    strokes: list[Stroke]
+    origin: Origin
+    remarks: list[str]
+
+
+def cut_bag(bag: Bag, robot: Robot) -> CutBag:
+    """Cut a bag of an arm at its outcomes.
+
+    Raises
+    ------
+    UserError
+        If the bag cannot be read, or is of another robot; names the bag.
+    """
+    original = bag.raw()
+    info, source = bag.info, f"bag {bag.info.path}"
+    if ROBOT_KEY in info.custom_data:
+        robot.require(info.custom_data[ROBOT_KEY], source)
+    is_arms = ArmMessages(robot)
+    messages = [message._replace(topic=bag.role(message.topic)) for message in original]
+    strokes = _strokes(bag, original, messages, is_arms)
+    origin = Origin(info.subject, source, original[0].log_time_ns if original else 0)
+    return CutBag(strokes, origin, is_arms.remarks())
 
 
 def read_bags(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.bags.cdr import read_frame_id
-from msrd_ros.bags.schemas import deserialise, serialise
+from msrd_ros.bags.schemas import deserialise, with_frame
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.outcome import RETURNED
@@ -97,16 +97,11 @@ def label_joint_states(stroke: Stroke) -> tuple[BagMessage, ...]:
     if label in frames:
         return stroke.messages
     return tuple(
-        message._replace(data=_with_frame(message.data, label)) if message.topic == JOINT_STATES else message
+        message._replace(data=with_frame(message.data, CONTRACT[JOINT_STATES].type_name, label))
+        if message.topic == JOINT_STATES
+        else message
         for message in stroke.messages
     )
-
-
-def _with_frame(data: bytes, frame_id: str) -> bytes:
-    type_name = CONTRACT[JOINT_STATES].type_name
-    message = deserialise(data, type_name)
-    message.header.frame_id = frame_id
-    return serialise(message, type_name)
 
 
 def _placed(finding: Finding, stroke: Stroke, start_ns: int | None) -> str:

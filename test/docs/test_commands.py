@@ -49,6 +49,12 @@ TESTED_BY = {
     r"python -m msrd_ros up train\b": "stack/test_sets.py::test_nodes_and_their_parameters_exist",
     r"python -m msrd_ros\.bags repair\b": ("bags/test_repair.py::test_the_command_says_where_it_put_the_bag"),
     r"python -m msrd_ros\.bags check\b": "recordings/test_check.py::test_a_folder_is_told_bag_by_bag",
+    r"python -m msrd_ros\.bags list\b": (
+        "recordings/test_editing_command.py::test_a_folder_is_listed_filtered_and_sorted"
+    ),
+    r"python -m msrd_ros\.bags (relabel|trim|flag|unflag|discard|restore)\b": (
+        "recordings/test_editing_command.py::test_a_bag_is_edited_and_all_is_taken_back"
+    ),
 }
 """Which test runs a command, if with values of its own."""
 
