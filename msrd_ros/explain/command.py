@@ -110,7 +110,7 @@ def _explain(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(as_json(told, compared, temperature), indent=1))
     else:
-        print(as_text(told, compared, temperature))
+        print(as_text(told, compared, temperature, len(others)))
     if options.out is not None:
         write_figure(options.out, strokes, [_title(one) for one in strokes], strategies, temperature)
         if not options.json:
@@ -195,9 +195,11 @@ def _numbers(values: Any) -> Any:
     return np.round(values, 6).tolist()
 
 
-def as_text(told: Sequence[Told], compared: Comparison | None, temperature: float) -> str:
-    """The same for people, without the single steps."""
-    how = "not calibrated; see --among" if temperature == UNCALIBRATED else f"temperature {temperature:.3g}"
+def as_text(told: Sequence[Told], compared: Comparison | None, temperature: float, others: int) -> str:
+    """The same for people, without the single steps; `others` is how many strokes it was calibrated with."""
+    how = f"calibrated with {others} strokes, temperature {temperature:.3g}"
+    if temperature == UNCALIBRATED:
+        how = "not calibrated; " + ("training knows those of --among too well" if others else "see --among")
     lines: list[str] = []
     for one in told:
         explained = one.explained

@@ -36,7 +36,7 @@ def draw_paths(axes: Axes, stroke: Explanation, height: int, norm: Normalize) ->
     line = _draw_path(axes, stroke.ball[:, plane], stroke.task, norm, 5.0, "o")
     x, other = (float(np.interp(stroke.hit_s, stroke.time_s, stroke.ball[:, axis])) for axis in plane)
     axes.plot(x, other, "o", markersize=13, markerfacecolor="none", markeredgecolor=_RED, markeredgewidth=1.8)
-    for name, path, offset in (("ball", stroke.ball, (-6, 9)), ("paddle", stroke.paddle, (-10, -16))):
+    for name, path, offset in (("ball", stroke.ball, (-6, 9)), ("paddle", stroke.paddle, (2, -16))):
         axes.annotate(
             name,
             (float(path[0, 0]), float(path[0, height])),

@@ -62,7 +62,10 @@ def test_others_rank_and_calibrate_but_never_the_stroke_itself(
     assert told["strokes"][0]["rank"]["of"] == 1
     assert told["temperature"] >= 1.0
     assert main(words) == 0
-    assert "of 1 other returned strokes of forehand-push" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "of 1 other returned strokes of forehand-push" in said
+    assert ("calibrated with 5 strokes" in said) == told["calibrated"]
+    assert ("training knows those of --among too well" in said) != told["calibrated"]
     shutil.copytree(own, tmp_path / "alone" / PUSH.name)
     own = tmp_path / "alone" / PUSH.name
     words = ["explain", str(own), "--checkpoint", str(checkpoint), "--among", str(tmp_path / "alone")]
