@@ -41,13 +41,14 @@ EXECUTABLES: dict[str, Command] = {
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
     "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
+    "explain": Command("msrd_ros.explain.command", "what learned rewards say of a recorded stroke"),
     "doctor": Command("msrd_ros.stack.doctor", "look at the running stack: what keeps it from its work"),
 }
 
 FORMER = {"demo": "up demo"}
 """What is said otherwise now."""
 
-EXTRAS = {"nodes": "ros,sim", "stack": "ros,sim", "up": "ros,sim", "studies": "studies"}
+EXTRAS = {"explain": "sim", "nodes": "ros,sim", "stack": "ros,sim", "up": "ros,sim", "studies": "studies"}
 """Extras of the installation that commands need, by the room that a command lives in."""
 
 USER_ERROR = 2

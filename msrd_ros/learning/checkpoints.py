@@ -23,6 +23,8 @@ from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.method import Learner
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy import PREFIX, PolicySet, make_header, read_header
+from msrd_ros.learning.reward_files import restore_rewards
+from msrd_ros.learning.rewards import RewardModel
 
 TRAINER_PREFIX = "trainer/"
 
@@ -98,18 +100,8 @@ def load_checkpoint(path: Path, trainer: Learner) -> None:
     UserError
         If the file is damaged, or made for another layout or configuration.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise UserError(f"{path}: cannot read the checkpoint: {error.strerror}") from None
-    header = read_header(data, str(path))
-    try:
-        layout, details = Layout.from_dict(header["layout"]), header["details"]
-        layout.require(trainer.layout, str(path))
-        tree, config = details["trainer"], renamed(details["config"], _RENAMED)
-        everything = load_tensors(data)
-    except (KeyError, TypeError, SafetensorError) as error:
-        raise UserError(f"{path}: not a training checkpoint ({error}); start anew or use another") from None
+    layout, config, tree, own = _read(Path(path))
+    layout.require(trainer.layout, str(path))
     if layout.labels != trainer.layout.labels:
         raise UserError(
             f"{path}: trained on strategies {', '.join(layout.labels)}, not on "
@@ -120,13 +112,54 @@ def load_checkpoint(path: Path, trainer: Learner) -> None:
         raise UserError(
             f"{path}: trained with other settings: {'; '.join(different)}; start anew or use those"
         )
-    start = len(TRAINER_PREFIX)
-    own = {name[start:]: value for name, value in everything.items() if name.startswith(TRAINER_PREFIX)}
     try:
         trainer.load_state_dict(renamed(_attach_tensors(tree, own), _RENAMED))
     except (KeyError, RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise UserError(f"{path}: damaged checkpoint ({reason}); start anew or use another") from None
+
+
+def read_rewards(path: Path) -> RewardModel | None:
+    """R0 and S_i of a checkpoint, averaged over iterations; None where no reward has been trained yet.
+
+    Raises
+    ------
+    UserError
+        If the file is damaged, or no checkpoint of training.
+    """
+    layout, config, tree, own = _read(path)
+    try:
+        averaged = _attach_tensors(tree, own)["averaged"]
+        if not int(averaged["updates"]):
+            return None
+        reward, weights = config["reward"], averaged["weights"]
+        described = {
+            **reward,
+            "strategies": len(weights["alpha"]),
+            "action_width": len(layout.action_names) if reward["sees_action"] else 0,
+            "discount": config["discount"],
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{path}: no rewards in this checkpoint ({error}); train with msrd") from None
+    return restore_rewards(described, weights, path)
+
+
+def _read(path: Path) -> tuple[Layout, dict[str, Any], dict[str, Any], dict[str, torch.Tensor]]:
+    """Layout, configuration under present names, nested state and tensors of a checkpoint."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot read the checkpoint: {error.strerror}") from None
+    header = read_header(data, str(path))
+    try:
+        layout, details = Layout.from_dict(header["layout"]), header["details"]
+        tree, config = details["trainer"], renamed(details["config"], _RENAMED)
+        everything = load_tensors(data)
+    except (KeyError, TypeError, SafetensorError) as error:
+        raise UserError(f"{path}: not a training checkpoint ({error}); start anew or use another") from None
+    start = len(TRAINER_PREFIX)
+    own = {name[start:]: value for name, value in everything.items() if name.startswith(TRAINER_PREFIX)}
+    return layout, config, tree, own
 
 
 def _detach_tensors(node: Any, tensors: dict[str, torch.Tensor]) -> Any:

@@ -9,24 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
-from safetensors import SafetensorError
-from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_atomically
+from msrd_ros.learning.checkpoints import read_rewards
 from msrd_ros.learning.layout import Layout
-from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policy import PREFIX, Policy, PolicySet, make_header
+from msrd_ros.learning.reward_files import REWARDS_PREFIX, describe_rewards, load_rewards
 from msrd_ros.learning.rewards import RewardForm, RewardModel
 from msrd_ros.learning.trajectories import Transitions
 
 if TYPE_CHECKING:
     import gymnasium
-
-REWARDS_PREFIX = "rewards/"
-_FEATURES = ("indices", "offset", "scale")
 
 
 @dataclass(frozen=True)
@@ -141,7 +137,7 @@ class Learned:
         tensors = {PREFIX + key: torch.as_tensor(value) for key, value in self.policies.tensors.items()}
         details = dict(self.details)
         if self.rewards is not None:
-            details["rewards"] = _describe(self.rewards)
+            details["rewards"] = describe_rewards(self.rewards)
             state = self.rewards.state_dict()
             tensors |= {REWARDS_PREFIX + key: value.contiguous() for key, value in state.items()}
         header = make_header(self.layout, self.policies.digest, details)
@@ -149,7 +145,9 @@ class Learned:
 
     @classmethod
     def load(cls, path: str | Path) -> Learned:
-        """Inverse of `save`.
+        """Inverse of `save`; a checkpoint of training will do as well.
+
+        Its rewards are those averaged over iterations; None where none has been trained yet.
 
         Raises
         ------
@@ -159,7 +157,10 @@ class Learned:
         policies = PolicySet.load(Path(path))
         details = dict(policies.details)
         described = details.pop("rewards", None)
-        rewards = None if described is None else _restore(described, Path(path))
+        if details.pop("trainer", None) is not None:
+            rewards = read_rewards(Path(path))
+        else:
+            rewards = None if described is None else load_rewards(Path(path), described)
         return cls(policies, rewards, details)
 
     @property
@@ -209,48 +210,3 @@ class Learned:
                 f"{', '.join(names)}"
             )
         return torch.as_tensor(array)
-
-
-def _describe(model: RewardModel) -> dict[str, Any]:
-    """What the tensors of a reward model do not say themselves."""
-    return {
-        "form": model.form.value,
-        "strategies": model.strategies,
-        "hidden": list(model.task_network.sizes[1:-1]),
-        "action_width": model.task_network.sizes[0] - model.task_features.width,
-        "shaping": model.potential_network is not None,
-        "discount": model.discount,
-        "reward_groups": [] if model.reward_groups is None else model.reward_groups.tolist(),
-    }
-
-
-def _restore(described: dict[str, Any], path: Path) -> RewardModel:
-    """The reward model of a file whose policies have been read."""
-    try:
-        everything = load_tensors(path.read_bytes())
-        start = len(REWARDS_PREFIX)
-        own = {name[start:]: value for name, value in everything.items() if name.startswith(REWARDS_PREFIX)}
-        task, strategy = (
-            Features(*(tuple(own[f"{part}_features.{name}"].tolist()) for name in _FEATURES))
-            for part in ("task", "strategy")
-        )
-        model = RewardModel(
-            RewardForm(described["form"]),
-            int(described["strategies"]),
-            task,
-            strategy,
-            int(described["action_width"]),
-            tuple(int(width) for width in described["hidden"]),
-            1.0,
-            torch.Generator(),
-            bool(described["shaping"]),
-            float(described["discount"]),
-            tuple(int(group) for group in described["reward_groups"]),
-        )
-        model.load_state_dict(own)
-    except (SafetensorError, KeyError, TypeError, ValueError, RuntimeError) as error:
-        reason = str(error).splitlines()[0]
-        raise UserError(f"{path}: damaged rewards ({reason}); train anew or use another file") from None
-    if not all(bool(torch.isfinite(value).all()) for value in own.values()):
-        raise UserError(f"{path}: damaged rewards (a weight is not a finite number); use another file")
-    return model.requires_grad_(False)

@@ -39,6 +39,7 @@ TESTED_BY = {
     r"ros2 run msrd_ros evaluator\b": (
         "nodes/test_evaluator.py::test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named"
     ),
+    r"python -m msrd_ros explain\b": "explain/test_command.py::test_a_stroke_is_told_and_drawn",
     r"python -m msrd_ros doctor\b": (
         "stack/test_doctor.py::test_faults_are_found_and_a_healthy_stack_is_let_go"
     ),

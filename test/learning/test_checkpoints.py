@@ -13,13 +13,15 @@ from safetensors.torch import load_file
 
 from learning_problems import PointMass, point_demonstrations
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.checkpoints import export_policies, load_checkpoint, save_checkpoint
+from msrd_ros.learning.checkpoints import export_policies, load_checkpoint, read_rewards, save_checkpoint
 from msrd_ros.learning.cloning import CloningConfig
 from msrd_ros.learning.config import MSRDConfig, ReplayConfig
 from msrd_ros.learning.layout import Layout
+from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.policy import PolicySet
+from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations
 
@@ -70,6 +72,52 @@ def test_checkpoint_is_also_a_policy_file(tmp_path: Path) -> None:
     for index, label in enumerate(run.layout.labels):
         np.testing.assert_allclose(policies.policy(label).act(observation), expected[index, 0], atol=1e-6)
     assert [path.name for path in tmp_path.iterdir()] == ["c.safetensors"]
+
+
+def test_checkpoint_is_also_what_was_learned(tmp_path: Path) -> None:
+    run = trainer()
+    run.clone()
+    save_checkpoint(tmp_path / "c.safetensors", run)
+    assert read_rewards(tmp_path / "c.safetensors") is None
+    run.iterate()
+    save_checkpoint(tmp_path / "c.safetensors", run)
+    learned = Learned.load(tmp_path / "c.safetensors")
+    assert learned.labels == run.layout.labels
+    assert "trainer" not in learned.details
+    assert learned.rewards is not None
+    expected = run.averaged_rewards.state_dict()
+    found = learned.rewards.state_dict()
+    assert set(found) == set(expected)
+    for name, value in expected.items():
+        assert torch.equal(found[name], value), name
+    assert not any(value.requires_grad for value in learned.rewards.parameters())
+
+
+@pytest.mark.parametrize("form", [RewardForm.VANILLA, RewardForm.STRATEGY_ONLY])
+def test_rewards_of_every_form_come_back_from_a_checkpoint(tmp_path: Path, form: RewardForm) -> None:
+    reward = replace(CONFIG.reward, form=form, shaping=True, sees_action=True, reward_groups=(0, 1, 0))
+    run = trainer(replace(CONFIG, reward=reward))
+    run.clone()
+    run.iterate()
+    save_checkpoint(tmp_path / "c.safetensors", run)
+    found = read_rewards(tmp_path / "c.safetensors")
+    assert found is not None
+    assert (found.form, found.sees_action) == (form, True)
+    assert found.reward_groups is not None
+    assert found.reward_groups.tolist() == [0, 1, 0]
+    for name, value in run.averaged_rewards.state_dict().items():
+        assert torch.equal(found.state_dict()[name], value), name
+
+
+def test_rewards_of_0_1_0_are_read() -> None:
+    found = read_rewards(EARLIER / "checkpoint.safetensors")
+    assert found is not None
+    assert (found.form, found.strategies) == (RewardForm.TWO_COLUMN, 3)
+
+
+def test_a_policy_file_is_no_checkpoint_to_read_rewards_from() -> None:
+    with pytest.raises(UserError, match=r"policies\.safetensors: not a training checkpoint"):
+        read_rewards(EARLIER / "policies.safetensors")
 
 
 def test_policy_bytes_round_trip_and_digest() -> None:

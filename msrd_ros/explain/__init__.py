@@ -1,0 +1,1 @@
+"""What learned rewards say of recorded strokes: numbers, a picture and the command `explain`."""
