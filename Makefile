@@ -26,7 +26,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test suite test-fast test-lowest coverage campaign soak docs lint format dist clean
+.PHONY: help venv demo studio test suite test-fast test-lowest coverage campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -53,6 +53,9 @@ $(STAMP): setup.py $(CONSTRAINTS)
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with ROBOT; report in OUT
 	$(BIN)/python -m msrd_ros up demo 'out:=$(OUT)' 'robot:=$(ROBOT)'
+
+studio: $(STAMP)  ## Start simulator, recorder, executor and the page to watch and drive them with
+	$(BIN)/python -m msrd_ros up studio 'robot:=$(ROBOT)'
 
 test: lint suite  ## Check style and types, run all tests
 

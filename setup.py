@@ -59,6 +59,8 @@ STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.1.6"]
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
 # Not gymnasium's own extra: before 1.2.3 it compiles Box2D. Without pygame none of its worlds loads.
 EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0", "pygame-ce>=2.4.0"]
+# viser wants websockets below 17, and is younger than all others: earlier versions cannot be kept private.
+STUDIO = [*SIMULATION, "aiohttp>=3.11.0", "trimesh>=4.4.0", "viser>=1.1.0", "websockets>=14.0,<17"]
 DOCUMENTS = ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8"]
 
 setup(
@@ -73,7 +75,16 @@ setup(
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["py.typed", "**/*.json", "**/*.npz", "**/*.safetensors", "**/*.urdf", "**/*.html", "**/*.css"]
+        NAME: [
+            "py.typed",
+            "**/*.json",
+            "**/*.npz",
+            "**/*.safetensors",
+            "**/*.urdf",
+            "**/*.html",
+            "**/*.css",
+            "**/*.js",
+        ]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
@@ -101,8 +112,9 @@ setup(
         "studies": STUDIES,
         "minari": DATA_SETS,
         "examples": EXAMPLES,
+        "studio": STUDIO,
         "docs": DOCUMENTS,
-        "all": [*ROS, *STUDIES, *DATA_SETS, *EXAMPLES],
+        "all": [*ROS, *STUDIES, *DATA_SETS, *EXAMPLES, *STUDIO],
         "test": [
             "build>=1.2.1",
             "colcon-common-extensions>=0.3",
@@ -112,6 +124,7 @@ setup(
             *EXAMPLES,
             "mypy>=1.11",
             "packaging>=23",
+            "playwright>=1.49.0",
             "pytest>=8,<9.2",  # pytest-xdist 3.8 does not find the groups of tests in newer ones
             "pytest-cov>=5",
             "pytest-timeout>=2.3.1",

@@ -33,6 +33,7 @@ EXECUTABLES: dict[str, Command] = {
     "trainer": Command("msrd_ros.nodes.trainer", "learn rewards and policies from bags"),
     "executor": Command("msrd_ros.nodes.executor", "play a learned strategy on the simulator or the robot"),
     "evaluator": Command("msrd_ros.nodes.evaluator", "feed balls to the executor and report how it played"),
+    "studio": Command("msrd_ros.studio.studio", "a page in the browser to watch and drive the stack with"),
     "reproduce": Command("msrd_ros.studies.reproduce", "run the paper's studies again"),
     "up": Command("msrd_ros.up.command", "start all that it takes to teach, play or train, or the demo"),
 }
@@ -48,7 +49,14 @@ COMMANDS: dict[str, Command] = {
 FORMER = {"demo": "up demo"}
 """What is said otherwise now."""
 
-EXTRAS = {"explain": "sim", "nodes": "ros,sim", "stack": "ros,sim", "up": "ros,sim", "studies": "studies"}
+EXTRAS = {
+    "nodes": "ros,sim",
+    "studio": "ros,sim,studio",
+    "stack": "ros,sim",
+    "up": "ros,sim",
+    "explain": "sim",
+    "studies": "studies",
+}
 """Extras of the installation that commands need, by the room that a command lives in."""
 
 USER_ERROR = 2

@@ -29,6 +29,8 @@ EXTRAS: dict[str, set[str]] = {
     "recordings": set(),
     "reports": {"sim"},
     "nodes": {"ros", "sim"},
+    "explain": {"sim"},
+    "studio": {"ros", "sim", "studio"},
     "stack": {"ros", "sim"},
     "demo": {"ros", "sim"},
     "up": {"ros", "sim"},

@@ -102,7 +102,8 @@ def test_manifest_names_every_ros_package_that_is_imported() -> None:
 
 
 def test_every_node_has_a_parameter_file_and_every_file_a_node() -> None:
-    nodes = {name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")}
+    rooms = ("msrd_ros.nodes.", "msrd_ros.studio.")
+    nodes = {name for name, command in EXECUTABLES.items() if command.module.startswith(rooms)}
     assert set(NODES) == nodes
     assert {path.stem for path in (CHECKOUT / "config").glob("*.yaml")} == {*nodes, "strategies"}
 

@@ -112,7 +112,7 @@ def _explain(options: argparse.Namespace) -> int:
     else:
         print(as_text(told, compared, temperature, len(others)))
     if options.out is not None:
-        write_figure(options.out, strokes, [_title(one) for one in strokes], strategies, temperature)
+        write_figure(options.out, strokes, [one.title for one in strokes], strategies, temperature)
         if not options.json:
             print(f"drawn in {options.out}")
     return 0
@@ -205,7 +205,7 @@ def as_text(told: Sequence[Told], compared: Comparison | None, temperature: floa
         explained = one.explained
         shares = explained.posterior(temperature)
         named = ", ".join(f"{explained.labels[row]} {shares[row]:.1%}" for row in np.argsort(-shares))
-        lines += [f"{one.bag}: {_title(explained)}", f"  whose stroke is it: {named} ({how})"]
+        lines += [f"{one.bag}: {explained.title}", f"  whose stroke is it: {named} ({how})"]
         if one.rank is not None:
             lines.append(
                 f"  R0 is above that of {one.rank.above} of {one.rank.of} other returned strokes of "
@@ -220,10 +220,3 @@ def as_text(told: Sequence[Told], compared: Comparison | None, temperature: floa
             f"of the second is {higher:+.3f} a step higher"
         )
     return "\n".join(lines)
-
-
-def _title(explained: Explanation) -> str:
-    episode = explained.episode
-    who = f" of {episode.subject}" if episode.subject else ""
-    became = "outcome not known" if episode.outcome is None else episode.outcome.message.replace("_", " ")
-    return f"{episode.label}{who}, {became}, R0 {explained.mean_task:+.2f} a step"

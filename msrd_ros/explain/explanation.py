@@ -83,6 +83,14 @@ class Explanation:
         return np.asarray(likelihood / likelihood.sum())
 
     @property
+    def title(self) -> str:
+        """What stroke it is, what became of it, and its R0: one line for people."""
+        episode = self.episode
+        who = f" of {episode.subject}" if episode.subject else ""
+        became = "outcome not known" if episode.outcome is None else episode.outcome.message.replace("_", " ")
+        return f"{episode.label}{who}, {became}, R0 {self.mean_task:+.2f} a step"
+
+    @property
     def mean_task(self) -> float:
         """R0 of an average step: what strokes are ranked by."""
         return float(self.task.mean())

@@ -210,14 +210,16 @@ class StackNode(Node):
         """Set live parameters, all of them or none, and let them take effect; rclpy calls this, too."""
         try:
             wanted = read_change(self, type(self.config), parameter_list)
+            changes = {item.name: item.value for item in wanted if not is_own(item.name)}
+            changed = dataclasses.replace(self.config, **changes)
         except UserError as error:
             return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(wanted)
         if result.successful:
-            changes = {item.name: item.value for item in wanted if not is_own(item.name)}
-            self.config = dataclasses.replace(self.config, **changes)
+            self.config = changed
             for hook in dict.fromkeys(self._hooks[name] for name in changes if name in self._hooks):
                 hook()
+            self.publish_diagnostics()  # who looks on need not wait for it
         return result
 
     def _look_into_given_files(self) -> None:

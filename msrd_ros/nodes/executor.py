@@ -141,6 +141,7 @@ class Executor(ManagedNode):
         """The phase of the stroke, and what is played."""
         phase = self._player.phase.value if self._player else "no joint_states yet"
         return phase, {
+            "enabled": self.config.enabled,
             "strategy": self._exchange.strategy or "",
             "policies": self._exchange.digest,
             "commands": self._output.sent,

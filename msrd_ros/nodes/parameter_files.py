@@ -16,7 +16,9 @@ from typing import Any
 from msrd_ros.core.parameters import ParameterFacts
 from msrd_ros.core.resources import share_directory
 
-NODES = ("simulator", "demonstrator", "recorder", "player", "trainer", "executor", "evaluator")
+NODES = ("simulator", "demonstrator", "recorder", "player", "trainer", "executor", "evaluator", "studio")
+ROOMS = {"studio": "studio"}
+"""Of the nodes that do not live in room `nodes`."""
 WIDTH = 96
 
 
@@ -31,7 +33,7 @@ def config_type(node: str) -> type[Any]:
 
 
 def _class_of(node: str, name: str) -> type[Any]:
-    found: type[Any] = getattr(importlib.import_module(f"msrd_ros.nodes.{node}"), name)
+    found: type[Any] = getattr(importlib.import_module(f"msrd_ros.{ROOMS.get(node, 'nodes')}.{node}"), name)
     return found
 
 

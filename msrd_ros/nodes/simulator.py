@@ -30,6 +30,7 @@ from msrd_ros.nodes.messages import (
     feed_from_message,
     gesture_from_message,
 )
+from msrd_ros.nodes.pace import Pace
 from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.nodes.world_output import WorldOutput
 from msrd_ros.robots.loading import load_robot
@@ -82,8 +83,21 @@ class SimulatorConfig:
     )
     mass_scale: float = parameter(1.0, "Factor on the arm's masses", low=0.5, high=2.0)
     joint_friction_nm: float = parameter(0.0, "Dry friction of every joint", unit="Nm", low=0.0, high=10.0)
+    rate: float = parameter(
+        0.0,
+        "In lockstep: simulated seconds a second at most, such as 1 to watch and 0.1 for slow motion; "
+        "0 is as fast as ticks are answered",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
     show: bool = parameter(True, "Publish TF, markers and ball/odometry", live=True)
     autostart: bool = autostart_parameter()
+
+    def __post_init__(self) -> None:
+        """Refuse what would have no effect."""
+        if self.rate and self.mode == "real_time":
+            raise UserError(f"parameter rate: {self.rate:g} is for mode lockstep; leave it at 0")
 
 
 class Simulator(ManagedNode):
@@ -107,7 +121,7 @@ class Simulator(ManagedNode):
         self._held.callback(self._world.close)
         self._feeder = Feeder()
         self._serve_rng = np.random.default_rng((SERVE_STREAM, config.seed))
-        self._paused = False
+        self._paused = self._steps_once = False
         self._is_commanded = False
         self._tick_ns = 0
         self._asked_s = 0.0
@@ -119,8 +133,10 @@ class Simulator(ManagedNode):
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
         remedy = "stop it first, or start this simulator in a namespace or domain of its own"
         self._alone = SoleSpeaker(self, "rally/outcome", "decides rallies on", remedy)
+        self._pace = Pace(self, self._tick)
         if config.mode == "lockstep":
             steady_timer(self, ASK_AGAIN_S / 2, self._ask_again)
+            self.on_change(self._pace.hurry, "rate")
         else:
             self._real_time_s = time.monotonic()
             self._clockwork = steady_timer(self, 1.0 / config.joint_state_rate_hz, self._follow_wall_clock)
@@ -164,6 +180,8 @@ class Simulator(ManagedNode):
             "balls": world.balls,
             **self._counts,
             "strategy": world.strategy or "",
+            "paused": self._paused,
+            "rate": self.config.rate,
             "feeds_waiting": world.feeds_waiting,
             "limits_exceeded": limits.limits_exceeded,
             "speed_fraction_max": float(limits.speed_fraction.max()),
@@ -181,13 +199,14 @@ class Simulator(ManagedNode):
         self.create_service(Trigger, "~/serve", self._on_serve)
         self.create_service(SetBool, "~/teach", self._on_teach)
         self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/step", self._on_step)
 
     # -- time ----------------------------------------------------------------------------------
 
     @property
     def _stands(self) -> bool:
         """Whether time stands still by order."""
-        return self._paused or not self.active
+        return (self._paused and not self._steps_once) or not self.active
 
     def _tick(self) -> None:
         """Publish one tick; in lockstep the world stands still until it is answered."""
@@ -197,7 +216,9 @@ class Simulator(ManagedNode):
         self._output.publish_tick(self.config.show)
 
     def _ask_again(self) -> None:
-        if self._stands or self._alone.is_doubtful or time.monotonic() - self._asked_s < ASK_AGAIN_S:
+        if self._stands or self._alone.is_doubtful or self._pace.waits:
+            return
+        if time.monotonic() - self._asked_s < ASK_AGAIN_S:
             return
         if not self._counts["ticks"]:
             self._tick()
@@ -210,7 +231,10 @@ class Simulator(ManagedNode):
         """Let the world go on for one period and publish the next tick."""
         self._world.advance(period_s)
         self._publish_results()
-        self._tick()
+        self._steps_once = False
+        # What answers the tick before once more must not move the world again.
+        self._tick_ns = self._world.time_ns
+        self._pace.follow(period_s, self.config.rate)
 
     def _follow_wall_clock(self) -> None:
         now_s = time.monotonic()
@@ -326,6 +350,23 @@ class Simulator(ManagedNode):
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._paused = request.data
         response.success, response.message = True, "paused" if request.data else "running"
+        self.publish_diagnostics()
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.refuses(response):
+            return response
+        if not self._paused:
+            response.success, response.message = False, "time goes on; call ~/pause with true first"
+            return response
+        response.success = True
+        if self.config.mode == "lockstep":
+            self._steps_once = True
+            self._output.publish_tick(self.config.show)
+            response.message = "one tick, once it is answered"
+        else:
+            self._advance(1.0 / self.config.joint_state_rate_hz)
+            response.message = "one tick"
         return response
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from msrd_ros.bags.info import BagInfo
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.strokes import Stroke
-from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.outcome import RETURNED, Outcome
 from msrd_ros.contract.topics import CONTRACT, OUTCOME
 from msrd_ros.contract.translation import read_outcome
@@ -22,6 +22,7 @@ from msrd_ros.recordings.outliers import missed_samples
 from msrd_ros.robots.robot import Robot
 
 ACCEPTED = "accepted"
+PATH_PERIOD_S = 0.1
 UNREADABLE = "unreadable"
 """The verdict on a bag that cannot be read; any other refusal is a miss reason or a `Refusal`."""
 
@@ -52,6 +53,8 @@ class Row:
         What it is flagged with.
     jerk_rad_s3, distance_rad
         `outliers.rms_jerk`, and `outliers.distances` from the others of its label.
+    ball_path_m
+        Where the ball was every 0.1 s from the launch on, in `world`, for a small picture.
     missed
         Samples that are missing in flight, by topic.
     marks
@@ -73,6 +76,7 @@ class Row:
     flags: tuple[str, ...] = ()
     jerk_rad_s3: float | None = None
     distance_rad: float | None = None
+    ball_path_m: tuple[tuple[float, float, float], ...] = ()
     missed: Mapping[str, int] | None = None
     marks: tuple[str, ...] = ()
     discarded: str = ""
@@ -128,6 +132,9 @@ def measure(stroke: Stroke, row: Row, info: BagInfo, robot: Robot, origin: Origi
         verdict=reason,
         detail=detail,
     )
+    if episode is not None:
+        places = episode.ball_position[:: round(PATH_PERIOD_S / CONTROL_PERIOD_S)].round(3).tolist()
+        row = replace(row, ball_path_m=tuple((x, y, z) for x, y, z in places))
     missed = missed_samples(stroke)
     row = replace(row, missed={topic: missing for topic, (missing, _) in missed.items()})
     if said is not None:

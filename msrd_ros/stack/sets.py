@@ -6,12 +6,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.resources import share_directory
 from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.stack.arguments import (
     Argument,
@@ -266,6 +269,47 @@ def _demo(values: Values) -> tuple[Stage, ...]:
     )
 
 
+def _studio(values: Values) -> tuple[Stage, ...]:
+    robot, mode = values.pick(robot="robot"), values.text("mode")
+    has_driver = values.text("arm") == "real"
+    if has_driver and mode != "real_time":
+        raise UserError("studio arm:=real: a real arm goes by the clock; say mode:=real_time, too")
+    paced: dict[str, Value] = {"rate": 1.0} if mode == "lockstep" else {}
+    simulator = NodeCall("simulator", {**robot, **values.pick(mode="mode", seed="seed"), **paced})
+    recorder = NodeCall("recorder", {**robot, **values.pick(directory="bags")})
+    played: dict[str, Value] = {
+        "checkpoint": values.text("checkpoint") or _policies_of(values.text("robot") or DEFAULT_ROBOT)
+    }
+    executor = NodeCall("executor", {**robot, **values.pick(mode="mode"), **played, "seed": values["seed"]})
+    if has_driver:
+        executor = executor.having(enabled=False)
+    page = values.pick(bags="bags", run="run", port="port", expose="expose", token="token", seed="seed")
+    return (
+        Stage(
+            "studio",
+            "Studio",
+            (
+                *([] if has_driver else [simulator]),
+                recorder,
+                executor,
+                NodeCall("studio", {**robot, **page}, Part.ENDS),
+            ),
+        ),
+    )
+
+
+def _policies_of(robot: str) -> str:
+    """Policies of an arm: those of its last demo here, else those kept with it, else none."""
+    demo = Path("out/demo")
+    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+        metrics = json.loads((demo / "metrics.json").read_text(encoding="utf-8"))
+        learned = demo / "training" / POLICIES_FILE
+        if metrics["robot"] == Path(robot).name and learned.is_file():
+            return str(learned)
+    places = (Path(robot), share_directory() / "config" / "robots" / robot)
+    return next((str(place / POLICIES_FILE) for place in places if (place / POLICIES_FILE).is_file()), "")
+
+
 def _bags(values: Values) -> str:
     return f"bags below {Path(values.text('bags') or 'bags').absolute()}"
 
@@ -370,6 +414,46 @@ SETS = {
             ),
             _train,
             _run,
+        ),
+        NodeSet(
+            "studio",
+            "a page in the browser to watch the arm, feed balls and look at strokes",
+            (
+                Argument(
+                    "checkpoint",
+                    "Policies to play",
+                    unset="those of the last demo in out/demo, else those that come with the arm",
+                    read=as_file,
+                ),
+                Argument("bags", "Folder of the bags", "out/studio/bags", read=as_path),
+                Argument(
+                    "run",
+                    "Folder of the training run whose rewards explain strokes",
+                    unset=_FROM_FILE.format("out/demo/training"),
+                    read=as_path,
+                ),
+                _ROBOT,
+                Argument(
+                    "arm",
+                    "real: no simulator is started, and the arm stands until the page gives it leave to move",
+                    "simulated",
+                    choices=("simulated", "real"),
+                ),
+                replace(_MODE, default="lockstep", unset=""),
+                Argument("port", "Where the page is, on 127.0.0.1", "8080", read=as_count(1)),
+                Argument(
+                    "expose",
+                    "Listen to other machines, too; they need the token",
+                    unset=_FROM_FILE.format("false"),
+                    choices=("true", "false"),
+                    read=as_truth,
+                ),
+                Argument("token", "What a browser must know to come in", unset="one is made up if exposed"),
+                Argument("seed", "Everything random follows from it", "0", read=as_count(0)),
+                *_COMMON,
+            ),
+            _studio,
+            _bags,
         ),
         NodeSet(
             "demo",

@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
+from msrd_ros.core.discovery import DISCOVERY_RANGE, stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.stack.arguments import Values, split_words
 from msrd_ros.stack.console import Console
@@ -78,6 +79,7 @@ def main(argv: list[str] | None = None) -> int:
 def _environment(console: Console) -> dict[str, str]:
     """Environment of the nodes: readable on one terminal, with the user's own settings left alone."""
     environment = dict(os.environ)
+    stay_on_this_machine(environment)
     # Who speaks is said before the line.
     environment.setdefault("RCUTILS_CONSOLE_OUTPUT_FORMAT", "[{severity}] {message}")
     if console.columns is not None:
@@ -91,7 +93,7 @@ def _greet(
 ) -> None:
     """Say what is started, where it meets, where its outputs go and how to end it."""
     domain = environment.get("ROS_DOMAIN_ID") or 0
-    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    reach = environment[DISCOVERY_RANGE]
     namespace = values.text("namespace") or "/"
     console.say(
         NAME,

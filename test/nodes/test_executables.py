@@ -23,7 +23,8 @@ from domains import observer, reserved_domain
 from msrd_ros.__main__ import COMMANDS, EXECUTABLES, USER_ERROR, main
 from processes import CHECKOUT, PACKAGE, START_TIMEOUT_S, Installation, Launcher, RunningProcess
 
-NODES = [name for name, command in EXECUTABLES.items() if command.module.startswith("msrd_ros.nodes.")]
+ROOMS = ("msrd_ros.nodes.", "msrd_ros.studio.")
+NODES = [name for name, command in EXECUTABLES.items() if command.module.startswith(ROOMS)]
 SLOW = ["simulator", "demonstrator"]
 """In a fresh installation these compile for half a minute; they are asked last."""
 TOOLS = [name for name in EXECUTABLES if name not in NODES]

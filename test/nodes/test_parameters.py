@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 import rclpy
@@ -17,7 +19,6 @@ from msrd_ros.core.parameters import ParameterFacts, parameter
 from msrd_ros.nodes.common import StackNode
 from msrd_ros.nodes.managed import ManagedNode
 from msrd_ros.nodes.parameter_files import NODES, config_type, node_type
-from processes import CHECKOUT
 
 
 def lower_case(text: str, where: str) -> None:
@@ -134,8 +135,8 @@ def reads(tree: ast.AST) -> Iterator[str]:
             yield item.attr
 
 
-def code_of(node: str) -> ast.Module:
-    return ast.parse((CHECKOUT / "msrd_ros" / "nodes" / f"{node}.py").read_text(encoding="utf-8"))
+def code_of(kind: type) -> ast.Module:
+    return ast.parse(Path(inspect.getfile(kind)).read_text(encoding="utf-8"))
 
 
 DECLARED = [
@@ -148,12 +149,12 @@ DECLARED = [
 @pytest.mark.parametrize(("node", "name"), [(node, name) for node, name, _ in DECLARED])
 def test_every_declared_parameter_is_read(node: str, name: str) -> None:
     managed = issubclass(node_type(node), ManagedNode)
-    assert name in {*reads(code_of(node)), *(reads(code_of("managed")) if managed else ())}
+    assert name in {*reads(code_of(node_type(node))), *(reads(code_of(ManagedNode)) if managed else ())}
 
 
 @pytest.mark.parametrize(("node", "name"), [(node, name) for node, name, facts in DECLARED if facts.live])
 def test_every_live_parameter_is_looked_up_when_needed_or_has_a_hook(node: str, name: str) -> None:
-    tree = code_of(node)
+    tree = code_of(node_type(node))
     methods = [item for item in ast.walk(tree) if isinstance(item, ast.FunctionDef)]
     # What only these read would stay as it was at the start.
     at_start = ("__init__", "configure")

@@ -37,6 +37,11 @@ SAID = {
     "params_file": FILE,
     "log_level": "debug",
     "respawn": "true",
+    "arm": "simulated",
+    "run": "some/run",
+    "port": "8090",
+    "expose": "true",
+    "token": "secret",
 }
 """Something for every argument."""
 
@@ -83,7 +88,7 @@ def test_every_argument_has_an_effect(name: str) -> None:
 
 def _different(name: str) -> dict[str, str]:
     # The checkpoint has to be there; all others are left out, or else stand at their defaults.
-    return {name: str(CHECKOUT / "README.md")} if name == "checkpoint" else {}
+    return {"checkpoint": {name: str(CHECKOUT / "README.md")}, "arm": {name: "real"}}.get(name, {})
 
 
 @pytest.mark.parametrize("name", ["teach", "play", "train"])

@@ -1,0 +1,1 @@
+"""A page in the browser: watch the arm, feed balls, stop it."""

@@ -1,0 +1,97 @@
+"""The arm's outlines as one mesh a moving link: what a browser draws quickly."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from msrd_ros.core.errors import UserError
+from msrd_ros.robots.chain import rotation_from_roll_pitch_yaw
+from msrd_ros.robots.robot import Robot
+from msrd_ros.robots.urdf import WORLD_LINK
+
+Array = NDArray[np.float64]
+
+_GREY = (0.6, 0.6, 0.6, 1.0)
+_SECTIONS = 24
+"""Corners of a drawn circle."""
+
+
+def arm_meshes(robot: Robot) -> dict[str, Any]:
+    """A `trimesh.Trimesh` by link, in the link's frame: `world` for what stands, and those behind joints.
+
+    What hangs on a link by fixed joints, such as the paddle, is part of its mesh.
+
+    Raises
+    ------
+    UserError
+        If the description has a shape other than box, cylinder and sphere; names robot and link.
+    """
+    root = ElementTree.fromstring(robot.urdf)
+    colours = {
+        str(material.get("name")): _numbers(colour.get("rgba", ""))
+        for material in root.findall("material")
+        if (colour := material.find("color")) is not None
+    }
+    carriers = {joint.child: joint for joint in robot.standing.fixed_joints}
+    parts: dict[str, list[Any]] = {name: [] for name in (WORLD_LINK, *robot.link_names)}
+    for link in root.findall("link"):
+        name, placed = str(link.get("name")), np.eye(4)
+        while name not in parts:
+            joint = carriers[name]
+            placed = _transform(joint.offset, joint.roll_pitch_yaw) @ placed
+            name = joint.parent
+        for visual in link.findall("visual"):
+            shape = _shape(visual, f"robot {robot.name}: link {link.get('name')}")
+            shape.visual = trimesh.visual.ColorVisuals(shape, face_colors=_colour(visual, colours))
+            parts[name].append(shape.apply_transform(placed @ _origin(visual)))
+    return {name: trimesh.util.concatenate(shapes) for name, shapes in parts.items() if shapes}
+
+
+def _shape(visual: ElementTree.Element, where: str) -> Any:
+    geometry = visual.find("geometry")
+    kind = geometry[0] if geometry is not None and len(geometry) else ElementTree.Element("nothing")
+    if kind.tag == "box":
+        return trimesh.creation.box(extents=_numbers(kind.get("size", "")))
+    if kind.tag == "cylinder":
+        return trimesh.creation.cylinder(
+            float(kind.get("radius", "")), float(kind.get("length", "")), sections=_SECTIONS
+        )
+    if kind.tag == "sphere":
+        return trimesh.creation.icosphere(subdivisions=2, radius=float(kind.get("radius", "")))
+    raise UserError(f"{where}: a {kind.tag} cannot be drawn; describe it by box, cylinder or sphere")
+
+
+def _colour(visual: ElementTree.Element, colours: dict[str, list[float]]) -> Array:
+    material = visual.find("material")
+    if material is None:
+        return _bytes(_GREY)
+    own = material.find("color")
+    named = colours.get(str(material.get("name")), list(_GREY))
+    return _bytes(_numbers(own.get("rgba", "")) if own is not None else named)
+
+
+def _bytes(colour: list[float] | tuple[float, ...]) -> Array:
+    return np.round(255 * np.array(colour)).astype(np.uint8)
+
+
+def _origin(visual: ElementTree.Element) -> Array:
+    origin = visual.find("origin")
+    if origin is None:
+        return np.eye(4)
+    return _transform(_numbers(origin.get("xyz", "0 0 0")), _numbers(origin.get("rpy", "0 0 0")))
+
+
+def _transform(offset: list[float] | tuple[float, ...], turn: list[float] | tuple[float, ...]) -> Array:
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation_from_roll_pitch_yaw(*turn)
+    matrix[:3, 3] = offset
+    return matrix
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word) for word in text.split()]

@@ -1,0 +1,39 @@
+"""A real browser, if this machine has one: Debian's chromium, driven by Playwright."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Page, sync_playwright
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+REQUIRED = "MSRD_TEST_BROWSER"
+"""Set to ``required`` where a missing browser is a failure, as in continuous integration."""
+SIZE = {"width": 1280, "height": 800}
+_FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--mute-audio"]
+
+
+def browser_path() -> str:
+    """Where the browser is; without one the test is left out, or fails where one is required."""
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        say = pytest.fail if os.environ.get(REQUIRED) == "required" else pytest.skip
+        say(f"no browser: none of {', '.join(NAMES)} is on the PATH (Debian, Ubuntu: apt install chromium)")
+    return str(found)
+
+
+@contextmanager
+def open_page(address: str) -> Iterator[Page]:
+    """A page of a browser of its own, at an address."""
+    path = browser_path()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
+        page = browser.new_page(viewport={"width": SIZE["width"], "height": SIZE["height"]})
+        page.set_default_timeout(20_000)
+        page.goto(address)
+        yield page
+        browser.close()
