@@ -61,7 +61,7 @@ class SketchPlan:
     paddle
         There: blade's centre, normal, velocity and angular velocity, shape (T, 12).
     violations
-        Why the arm cannot do it, in the order of time; empty if it can.
+        Why the arm cannot do it: ghosts out of reach, then limits on the way; empty if it can.
     prediction
         The ball's path through the hit, and what becomes of it.
     hit
@@ -145,7 +145,7 @@ def plan_sketch(
         times,
         states,
         paddle,
-        tuple(sorted(found, key=lambda each: each.time_s)),
+        tuple(found),
         predict_rally(sketch.feed.state(), paddle, PLAN_PERIOD_S, constants),
         carry_out(robot.model, hit, face, path, PATH_PERIOD_S, constants),
     )

@@ -129,6 +129,7 @@ def test_too_far_tells_which_ghost_and_by_how_much(arm: str, moment: Moment) -> 
     plan = plan_sketch(robot, sketch.with_ghosts({moment: ghost}))
     missed = [each for each in plan.violations if each.limit is Limit.REACH and each.unit == "m"]
     assert [each.ghost for each in missed] == [moment]
+    assert missed[0] is plan.violations[0], "what else follows from it comes later"
     assert missed[0].time_s == pytest.approx(plan.moments_s[moment])
     there, _ = paddle_pose(robot.model, plan.stroke.at(plan.moments_s[moment]).position)
     assert missed[0].excess == pytest.approx(np.linalg.norm(ghost.position - there), abs=1e-6)
