@@ -1,13 +1,13 @@
 """A stroke as a motion of the joints: swing to the hit, follow through, rest.
 
-Both parts are polynomials of the fifth degree. The swing meets a wanted position and velocity at the hit
+All parts are polynomials of the fifth degree. The swing meets a wanted position and velocity at the hit
 without acceleration, so that a mistimed hit still finds the wanted velocity; the follow-through brakes all
-joints to rest.
+joints to rest, where they come to or where it is said. Another stroke may lead up to the swing.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -93,6 +93,10 @@ class JointStroke:
         State of the joints at the hit, shape (N,), rad and rad/s.
     follow_s
         How long the follow-through takes to come to rest.
+    end_position
+        Where it comes to rest, shape (N,), rad; where smooth braking leads to if None.
+    lead_in
+        What leads up to the start state, and is at rest there by then.
     """
 
     start_time_s: float
@@ -101,6 +105,13 @@ class JointStroke:
     hit_position: Array
     hit_velocity: Array
     follow_s: float
+    end_position: Array | None = None
+    lead_in: JointStroke | None = None
+
+    @property
+    def first_time_s(self) -> float:
+        """Before it the joints rest (or are handed over)."""
+        return self.start_time_s if self.lead_in is None else self.lead_in.first_time_s
 
     @property
     def end_time_s(self) -> float:
@@ -110,7 +121,7 @@ class JointStroke:
     def at(self, time_s: float) -> JointState:
         """State of the joints at one time."""
         if time_s <= self.start_time_s:
-            return self.start
+            return self.start if self.lead_in is None else self.lead_in.at(time_s)
         if time_s <= self.hit_time_s:
             duration = self.hit_time_s - self.start_time_s
             phase = (time_s - self.start_time_s) / duration
@@ -118,7 +129,11 @@ class JointStroke:
                 *swing_state(*self.start, self.hit_position, self.hit_velocity, duration, phase)
             )
         phase = min((time_s - self.hit_time_s) / self.follow_s, 1.0)
-        return JointState(*follow_state(self.hit_position, self.hit_velocity, self.follow_s, phase))
+        if self.end_position is None:
+            return JointState(*follow_state(self.hit_position, self.hit_velocity, self.follow_s, phase))
+        still = np.zeros_like(self.hit_velocity)
+        hit = (self.hit_position, self.hit_velocity, still)
+        return JointState(*swing_state(*hit, self.end_position, still, self.follow_s, phase))
 
     def sample(self, times_s: Array) -> JointState:
         """States at many times (T,): arrays of shape (T, N)."""
@@ -132,19 +147,21 @@ class JointStroke:
     def continued_from(
         self, time_s: float, hit_time_s: float, hit_position: Array, hit_velocity: Array
     ) -> JointStroke:
-        """The same stroke, led from its state at `time_s` to another hit."""
-        return JointStroke(
+        """The same stroke, led from its state at `time_s` to another hit; what leads up to it stays."""
+        handed_over = time_s > self.start_time_s
+        return replace(
+            self,
             start_time_s=max(time_s, self.start_time_s),
-            start=self.at(time_s),
+            start=self.at(time_s) if handed_over else self.start,
             hit_time_s=hit_time_s,
             hit_position=hit_position,
             hit_velocity=hit_velocity,
-            follow_s=self.follow_s,
+            lead_in=None if handed_over else self.lead_in,
         )
 
     def peak_fractions(self, limits: JointLimits, period_s: float = 0.005) -> tuple[Array, Array]:
         """Largest |speed| and |acceleration| of each joint, (N,) each, as fractions of the limits."""
-        states = self.sample(np.arange(self.start_time_s, self.end_time_s + period_s, period_s))
+        states = self.sample(np.arange(self.first_time_s, self.end_time_s + period_s, period_s))
         speed = np.abs(states.velocity).max(axis=0) / limits.speed_rad_s
         return speed, np.abs(states.acceleration).max(axis=0) / limits.acceleration_rad_s2
 
@@ -165,6 +182,26 @@ def stroke_from_rest(
         np.zeros_like(ready_position),
     )
     return JointStroke(hit_time_s - swing_s, rest, hit_time_s, hit_position, hit_velocity, follow_s)
+
+
+def minimum_jerk_velocity(
+    start: Array, hit_position: Array, end: Array, swing_s: float, follow_s: float
+) -> Array:
+    """Joint rates (N,) at the hit with which a stroke from rest to rest through it has the least jerk.
+
+    Both parts being without acceleration at the hit, a part of `h` s over the way `D` costs
+    (192 (h v)^2 - 720 h v D + 720 D^2) / h^5, after Flash and Hogan (1985); of both together v is the best.
+
+    Parameters
+    ----------
+    start, hit_position, end
+        Joint angles (N,) in rad.
+    swing_s, follow_s
+        From the start to the hit, and from there to the end, s.
+    """
+    pull = (hit_position - start) / swing_s**4 + (end - hit_position) / follow_s**4
+    rate: Array = 1.875 * pull / (1.0 / swing_s**3 + 1.0 / follow_s**3)
+    return rate
 
 
 @njit(cache=True, nogil=True)

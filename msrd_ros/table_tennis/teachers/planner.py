@@ -49,7 +49,8 @@ PLAN_FORMAT = 1
 
 _ANOTHER_FAMILY_RAD = 0.3
 _LONGEST_PATH_STEPS = 500
-_LEAST_ROOM_M = 0.03
+LEAST_ROOM_ON_PATH_M = 0.03
+"""About the arm, on its way to a ready pose and back."""
 
 MOST_COST = 10.0
 """Of a side's plan; those of the arms that ship cost 0.9 to 5.3. Above it some condition is missed by far."""
@@ -158,7 +159,7 @@ def _solve_families(problem: SideProblem, resting: list[Array]) -> list[tuple[Ar
 def _paths_are_clear(robot: Robot, ready: Array, resting: list[Array]) -> bool:
     """Whether a ready pose can be reached from, and left for, every resting posture."""
     paths = [(ready, other) for other in resting] + [(other, ready) for other in resting]
-    return all(room_on_path(robot, start, goal) > _LEAST_ROOM_M for start, goal in paths)
+    return all(room_on_path(robot, start, goal) > LEAST_ROOM_ON_PATH_M for start, goal in paths)
 
 
 def room_on_path(robot: Robot, start: Array, goal: Array) -> float:

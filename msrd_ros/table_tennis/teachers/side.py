@@ -48,10 +48,10 @@ CLEAR_OF_TABLE_M = 0.86
 
 _DIRECTIONS = 6
 """Of the paddle: what a hand can lead."""
-_HAND_SHARE = 0.85
-_HAND_N = _HAND_SHARE * GuidanceConfig().force_limit_n
-_HAND_NM = _HAND_SHARE * GuidanceConfig().torque_limit_nm
-"""What the hand that leads the arm is asked for at most."""
+HAND_SHARE = 0.85
+"""What of its strength the hand that leads the arm is asked for at most."""
+_HAND_N = HAND_SHARE * GuidanceConfig().force_limit_n
+_HAND_NM = HAND_SHARE * GuidanceConfig().torque_limit_nm
 LEAST_ROOM_M = 0.04
 """Between parts of the arm, and to its stand."""
 LEAST_SINGULAR_VALUE = 0.13

@@ -160,6 +160,12 @@ class Flaws:
     tremor_phase: Array
 
     @classmethod
+    def none(cls) -> Flaws:
+        """Nothing wrong at all."""
+        still, turn = np.zeros((1, 6)), np.zeros((1, 1))
+        return cls(Slip.NONE, 0.0, np.zeros(6), 1.0, still, turn, still)
+
+    @classmethod
     def draw(cls, style: Style, config: PopulationConfig, rng: np.random.Generator) -> Flaws:
         """The flaws of a teacher's next stroke."""
         slips = [slip for slip in Slip if slip is not Slip.NONE]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from led_strokes import TICK_S, TICKS_BEFORE_LAUNCH, lead_stroke
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
@@ -18,7 +19,6 @@ from msrd_ros.table_tennis.ball.trajectory import ball_path, path_at
 from msrd_ros.table_tennis.simulation.rally import Rally
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strategies.table import Side
-from msrd_ros.table_tennis.teachers.guided_stroke import GuidedStroke
 from msrd_ros.table_tennis.teachers.population import Teacher
 from msrd_ros.table_tennis.teachers.study_design import Verdict, judge_stroke
 from msrd_ros.table_tennis.teachers.style import Flaws, PopulationConfig, Slip, Style
@@ -27,7 +27,6 @@ from sawyer import ARM, ROBOT, SPEED_LIMIT_RAD_S
 pytestmark = pytest.mark.slow
 
 SCENE = Scene().constants()
-TICK_S = 0.004
 NO_SLIPS = PopulationConfig(slip_least=0.0, slip_most=0.0)
 
 
@@ -132,29 +131,6 @@ def rally() -> Iterator[Rally]:
         yield one
 
 
-def _show(rally: Rally, stroke: GuidedStroke, feed: Feed, seed: int) -> np.ndarray:
-    """Lead one stroke, tick by tick; returns joint angles over joint rates, shape (T, 14)."""
-    camera = Camera(CameraConfig(), np.random.default_rng(seed))
-    rally.set_teach(False)
-    rally.reset(stroke.ready_posture)
-    rally.set_teach(True)
-    launch, rows = rally.time + 5 * TICK_S, []
-    while rally.time < launch + TICK_S or rally.ball_in_play:
-        since = rally.time - launch
-        if abs(since) < 1e-9:
-            rally.launch(feed)
-            camera.offer(0.0, np.array(feed.position))
-        frame = camera.newest(since)
-        if frame is None:
-            stroke.see(rally.time, np.array(feed.position))
-        else:
-            stroke.see(launch + frame.stamp, frame.position)
-        rally.lead_gesture(stroke.hand_at(rally.time, rally.joint_position))
-        rally.advance(TICK_S, lambda passed, ball: camera.offer(passed, ball[:3]))
-        rows.append(np.concatenate([rally.joint_position, rally.joint_velocity]))
-    return np.array(rows)
-
-
 @pytest.mark.parametrize("label", ALL_LABELS, ids=str)
 def test_teachers_return_balls_by_the_hand_within_limits(rally: Rally, label: PaperLabel) -> None:
     """Three teachers, one standard feed each, without slips: kept all, or all but one."""
@@ -162,7 +138,7 @@ def test_teachers_return_balls_by_the_hand_within_limits(rally: Rally, label: Pa
     for subject in range(3):
         rng = np.random.default_rng((11, subject))
         stroke = Teacher(subject, 0, NO_SLIPS).begin(label, rng)
-        rows = _show(rally, stroke, Feeder().sample(label.side, STANDARD, rng), subject)
+        rows = lead_stroke(rally, stroke, Feeder().sample(label.side, STANDARD, rng), subject)
         peak = float(np.abs(rows[:, 7:] / SPEED_LIMIT_RAD_S).max())
         assert peak < 1.01
         assert np.abs(rows[:5, 7:]).max() < 0.05, "the arm waits for the ball"
@@ -179,7 +155,7 @@ def test_a_stroke_repeats_exactly_from_its_seed(rally: Rally) -> None:
     for _ in range(2):
         rng = np.random.default_rng(3)
         stroke = Teacher(1, 0).begin(ALL_LABELS[5], rng)
-        shows.append(_show(rally, stroke, Feeder().sample(Side.BACKHAND, STANDARD, rng), 0)[:300])
+        shows.append(lead_stroke(rally, stroke, Feeder().sample(Side.BACKHAND, STANDARD, rng), 0)[:300])
     np.testing.assert_allclose(shows[0], shows[1], atol=1e-9)
 
 
@@ -190,10 +166,12 @@ def test_the_hand_answers_the_ball(rally: Rally) -> None:
         nominal = Feeder().nominal(Side.FOREHAND)
         feed = replace(nominal, position=(1.5, sideways, 1.06))
         stroke = Teacher(0, 0, NO_SLIPS).begin(ALL_LABELS[0], np.random.default_rng(2))
-        rows = _show(rally, stroke, feed, 0)
+        rows = lead_stroke(rally, stroke, feed, 0)
         assert rally.outcome is not None
         assert rally.outcome.returned
-        met.append(paddle_pose(ARM, rows[5 + round(rally.outcome.hit_time_s / TICK_S), :7])[0][1])
+        met.append(
+            paddle_pose(ARM, rows[TICKS_BEFORE_LAUNCH + round(rally.outcome.hit_time_s / TICK_S), :7])[0][1]
+        )
     assert met[1] - met[0] == pytest.approx(0.06, abs=0.03)
 
 
@@ -205,5 +183,5 @@ def test_an_inattentive_teacher_plays_as_always(rally: Rally) -> None:
         feed = replace(nominal, velocity=(speed * vx, speed * vy, speed * vz))
         stroke = Teacher(0, 0, NO_SLIPS).begin(ALL_LABELS[0], np.random.default_rng(2))
         stroke.flaws = replace(stroke.flaws, slip=Slip.INATTENTIVE)
-        ways.append(_show(rally, stroke, feed, 0)[:250, :7])
+        ways.append(lead_stroke(rally, stroke, feed, 0)[:250, :7])
     np.testing.assert_allclose(ways[0], ways[1], atol=0.02)
