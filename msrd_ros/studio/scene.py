@@ -23,7 +23,7 @@ _BALL_ORANGE, _TRAIL, _SPIN = (255, 128, 0), (255, 150, 50), (120, 40, 200)
 _LINE_M = 0.02
 _SPIN_LENGTH_M = 0.15
 """Of the arrow at 100 rad/s."""
-_CAMERA, _LOOK_AT = (-3.6, -2.5, 2.1), (-0.85, 0.05, 0.8)
+_CAMERA, _LOOK_AT = (-3.3, -2.2, 1.95), (-0.85, 0.05, 0.85)
 
 
 class Picture(NamedTuple):

@@ -57,7 +57,7 @@ def test_studio_library_shows_what_the_command_lists(page: Page, bags: Path) -> 
         expect(cells.nth(2)).to_have_text(row.label)
         expect(cells.nth(4)).to_have_text(f"{round(row.spin_rad_s[1])}")
         expect(cells.nth(5)).to_have_text(f"{row.landing_m[0]:.2f}")
-        expect(cells.nth(6)).to_have_text("accepted")
+        expect(cells.nth(6)).to_have_text("✓")
         expect(cells.nth(1).locator("polyline")).to_have_count(1)
 
 

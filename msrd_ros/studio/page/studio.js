@@ -223,7 +223,7 @@ function list() {
     "", "", row.label, row.subject,
     row.spin_rad_s ? Math.round(row.spin_rad_s[1]) : "–",
     row.landing_m ? row.landing_m[0].toFixed(2) : "–",
-    row.verdict.replace("_", " "),
+    row.verdict === "accepted" ? "✓" : row.verdict.replace("_", " "),
   ]));
   shown.forEach((row, index) => {
     const line = body.rows[index];
@@ -231,6 +231,7 @@ function list() {
     line.classList.toggle("chosen", chosen.includes(row.bag));
     line.classList.toggle("discarded", row.discarded !== "");
     line.cells[6].classList.toggle("refused", row.verdict !== "accepted");
+    line.cells[6].title = row.detail || row.verdict;
     line.cells[0].append(...marks(row));
     line.cells[1].append(thumbnail(row));
     line.onclick = (event) => choose(row, event.ctrlKey || event.metaKey || event.shiftKey);
