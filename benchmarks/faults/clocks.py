@@ -105,7 +105,7 @@ def recorder_beside_training(setting: Setting) -> Finding:
         source = StrokeSource(stack.node)
         stack.start("recorder", directory=bags, keep="all")
         trainer = stack.start(
-            "trainer", bags=f"[{shipped_bags()}]", out=setting.folder / "run", iterations=100_000
+            "trainer", bags=str(shipped_bags()), out=setting.folder / "run", iterations=100_000
         )
         source.wait_for_match()
         for number in range(1, setting.count(30, least=2) + 1):

@@ -24,6 +24,7 @@ from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.loading import load_robot
+from msrd_ros.robots.rest import RestFinder
 from msrd_ros.table_tennis.arm.via_point_path import find_path
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.exchange import PolicyExchange
@@ -108,6 +109,7 @@ class Executor(ManagedNode):
             BallFilter.compile_ahead()
         self._exchange = PolicyExchange(self.config.seed, self.config.ready_noise_rad)
         self._acted_ns = -1
+        self._rest = RestFinder()
         self._heard_s = self._distrusted_s = -np.inf
         self._answered = True
         self._counts = {"swaps": 0, "stops": 0, "refused": 0}
@@ -205,6 +207,9 @@ class Executor(ManagedNode):
             early = 0 <= tick.time_ns - self._acted_ns < SOONEST * PERIOD_NS
             if early or now_s - self._output.sent_s < SOONEST_ARRIVAL * CONTROL_PERIOD_S:
                 return  # a driver that publishes faster than the control rate, or messages that have waited
+        rests = self._lockstep or self._rest.see(tick.joint_position, now_s)
+        if self._begins() and not rests:
+            return  # commands lead on from where the arm is: one state that tells another place is not enough
         self._acted_ns = tick.time_ns
         player = self._follow(tick.joint_position)
         if tick.time_went_back or (not self._lockstep and silent_s > self.config.stale_timeout_s):
@@ -258,6 +263,10 @@ class Executor(ManagedNode):
             self._refuse(UserError(f"joint {joint} is {error:.2f} rad from its command; going back to it"))
         return player
 
+    def _begins(self) -> bool:
+        """Whether the next command leads on from where the arm is, and not from the one before."""
+        return self._player is None or self._has_paused(self._player)
+
     def _has_paused(self, player: StrokePlayer) -> bool:
         paused = not self._lockstep and self._now_s() - self._output.sent_s > RESUME_S
         return paused and self._may_move and not np.any(player.reference.velocity)
@@ -305,6 +314,7 @@ class Executor(ManagedNode):
         """A joint state cannot be relied on: as if nothing had been heard for too long."""
         self._distrusted_s = self._now_s()
         self._heard_s = -np.inf
+        self._rest.forget()
 
     def _is_distrustful(self) -> bool:
         return not self._lockstep and self._now_s() - self._distrusted_s < self.config.stale_timeout_s

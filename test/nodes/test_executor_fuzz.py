@@ -159,6 +159,8 @@ def test_whatever_is_heard_what_is_sent_is_safe(mode: str, estimate_ball: bool, 
         arm.wait(5.0)
         arm.follow()
         arm.policies(POLICIES)
+        for _ in range(10):
+            arm.tick()  # until the arm is known to rest where it is
         arm.make_ready(LABELS[1])
         arm.swing()
         require_safe(arm.commands, pauses=mode == "real_time")

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
@@ -14,7 +15,7 @@ from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.player import Phase
-from sawyer import JOINT_NAMES, POSITION_UPPER_RAD
+from sawyer import HOME_POSTURE_RAD, JOINT_NAMES, POSITION_UPPER_RAD
 
 LABEL = ALL_LABELS[0]
 POLICIES = made_up_policies((LABEL,), gain=1.0)
@@ -48,6 +49,13 @@ def require_rest(arm: LiveExecutor, within_s: float = 0.6) -> None:
         arm.follow()
     assert not arm.moves
     require_safe(arm.commands, pauses=True)
+
+
+def stamped(position: NDArray[np.float64], stamp_ns: int) -> JointState:
+    """A joint state of a time."""
+    state = joint_state(position)
+    state.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
+    return state
 
 
 def strokes(arm: LiveExecutor) -> int:
@@ -280,3 +288,33 @@ def test_messages_that_waited_in_a_queue_do_not_make_the_arm_hurry(arm: LiveExec
 def test_the_ball_is_refused_where_there_is_no_room_for_it(lockstep: LiveExecutor) -> None:
     lockstep.ball(1000.0 * RESTING)
     assert any("out of any room; give it in metres" in line for line in lockstep.said)
+
+
+def test_one_state_that_tells_another_place_leads_no_arm_there(arm: LiveExecutor) -> None:
+    """Joints in another order are possible, too: after a pause the arm was once sent to where it was not."""
+    arm.swing()
+    arm.wait(1.5)
+    arm.follow()
+    elsewhere = arm.position[::-1].copy()
+    assert np.abs(elsewhere - arm.position).max() > 1.0
+    sent = len(arm.commands)
+    for _ in range(20):
+        arm.tick(state=stamped(elsewhere, arm.stamp_ns + round(CONTROL_PERIOD_S * 1e9)))
+        arm.tick()
+    assert len(arm.commands) == sent
+    for _ in range(20):
+        arm.tick()
+    assert len(arm.commands) > sent
+    require_safe(arm.commands)
+
+
+def test_the_first_state_is_believed_once_others_agree(domain_id: int) -> None:
+    with live_executor(domain_id, mode="real_time") as arm:
+        arm.policies(POLICIES.to_bytes())
+        arm.strategy(LABEL)
+        arm.tick(state=stamped(arm.position[::-1], arm.stamp_ns + round(CONTROL_PERIOD_S * 1e9)))
+        assert not arm.commands
+        for _ in range(20):
+            arm.tick()
+        assert arm.commands
+        np.testing.assert_allclose(arm.commands[0].points[0].positions, HOME_POSTURE_RAD, atol=0.02)
