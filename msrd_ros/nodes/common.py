@@ -256,6 +256,7 @@ def run(
     try:
         _answer_help(name, arguments, description)
         stay_on_this_machine(os.environ)
+        spins = _leave_interrupts_to_rclpy_later()
         try:
             rclpy.init(args=[name, *arguments])
         except Exception as error:  # rclpy raises RCLError and UnknownROSArgsError for unusable arguments
@@ -264,6 +265,7 @@ def run(
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
+        spins.set()
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -289,6 +291,21 @@ def run(
             executor.shutdown(timeout_sec=0)
         try_shutdown()
     return code
+
+
+def _leave_interrupts_to_rclpy_later() -> threading.Event:
+    """Have Ctrl-C interrupt Python only until the event is set; rclpy, which calls this handler, ends the rest.
+
+    A KeyboardInterrupt between any two steps of rclpy leaves half-made objects behind, which then complain.
+    """
+    spins = threading.Event()
+
+    def interrupt(*_: object) -> None:
+        if not spins.is_set():
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    return spins
 
 
 def _ignore_signals() -> None:

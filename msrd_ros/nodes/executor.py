@@ -299,7 +299,12 @@ class Executor(ManagedNode):
             if self._player is None or self._output.last is None:
                 return
             self._player.go_on_from(self._output.last)
-            self._output.send(self._player.hold(), label, time_ns)
+            try:
+                self._output.send(self._player.hold(), label, time_ns)
+            except UserError as braking:
+                # The command before it brings the arm to rest by itself; the next tick tries again.
+                self._refuse(braking)
+                return
         self._answered = True
 
     def _send_again(self) -> None:

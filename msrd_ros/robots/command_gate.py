@@ -45,11 +45,12 @@ def command_points(robot: Robot, reference: JointReference, period_s: float) -> 
     points = [Waypoint(period_s, reference.position, reference.velocity)]
     acceleration = robot.limits.acceleration_rad_s2
     stopping_s = np.abs(reference.velocity) / acceleration
-    # Shorter than a nanosecond there is no time in a message.
-    for time_s in np.unique(np.ceil(stopping_s[stopping_s > 0.0] / ROUNDING) * ROUNDING):
+    # Shorter than a nanosecond there is no time in a message. What is rounded so may also become a little less.
+    rest_s = np.ceil(stopping_s / ROUNDING) * ROUNDING
+    for time_s in np.unique(rest_s[stopping_s > 0.0]):
         braking_s = np.minimum(stopping_s, time_s)
         change = np.sign(reference.velocity) * acceleration * braking_s
-        velocity = np.where(stopping_s > time_s, reference.velocity - change, 0.0)
+        velocity = np.where(rest_s > time_s, reference.velocity - change, 0.0)
         position = reference.position + (reference.velocity - 0.5 * change) * braking_s
         points.append(Waypoint(period_s + float(time_s), position, velocity))
     return points

@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, expect, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 REQUIRED = "MSRD_TEST_BROWSER"
 """Set to ``required`` where a missing browser is a failure, as in continuous integration."""
+PATIENCE_S = 60.0
 SIZE = {"width": 1280, "height": 800}
 _FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--mute-audio"]
 
@@ -33,7 +34,9 @@ def open_page(address: str) -> Iterator[Page]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
         page = browser.new_page(viewport={"width": SIZE["width"], "height": SIZE["height"]})
-        page.set_default_timeout(20_000)
+        # Without a graphics processor the first pictures keep the page busy.
+        page.set_default_timeout(1000 * PATIENCE_S)
+        expect.set_options(timeout=1000 * PATIENCE_S)
         page.goto(address)
         yield page
         browser.close()

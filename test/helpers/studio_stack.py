@@ -9,6 +9,7 @@ from msrd_ros.studio.guard import LOOPBACK
 from processes import RunningProcess
 from stack import START_TIMEOUT_S, Stack
 
+FRAMES_HZ = 5.0
 POLICIES = share_directory() / "config" / "robots" / "sawyer" / "policies.safetensors"
 
 
@@ -21,9 +22,14 @@ def free_port() -> int:
 
 def start_studio(stack: Stack, **parameters: object) -> str:
     """Start all three on a stack's domain; the page's address, once it is served."""
-    stack.start("simulator", seed=3, rate=1.0)
+    stack.start("simulator", seed=3, rate=0.5)
     stack.start("executor", checkpoint=str(POLICIES))
-    return wait_for_page(stack, stack.start("studio", port=free_port(), **parameters))
+    return wait_for_page(stack, start_page(stack, **parameters))
+
+
+def start_page(stack: Stack, **parameters: object) -> RunningProcess:
+    """A studio alone; with few pictures a second, as a browser without a graphics processor draws slowly."""
+    return stack.start("studio", port=free_port(), frames_hz=FRAMES_HZ, **parameters)
 
 
 def wait_for_page(stack: Stack, studio: RunningProcess) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.command_gate import CommandGate, Waypoint, command_points, require_possible
@@ -42,6 +44,17 @@ def test_whatever_a_policy_wishes_passes_once_it_is_shaped_and_ends_at_rest() ->
         stop = points[-1].position
         assert np.all((stop >= LOWEST_RAD - further) & (stop <= HIGHEST_RAD + further))
         assert np.all(np.diff([point.time_s for point in points]) >= 1e-9 * 0.99)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=300)
+def test_every_command_ends_at_rest_to_the_last_bit(seed: int) -> None:
+    """Stopping times of whole nanoseconds became a little less when they were rounded up to one."""
+    nanoseconds = np.random.default_rng(seed).integers(1, 10**8, size=7)
+    velocity = np.minimum(ACCELERATION_LIMIT_RAD_S2 * (nanoseconds * 1e-9), SPEED_LIMIT_RAD_S)
+    for scale in (1.0, 1.0 + 2.3e-16, 1.0 - 1.2e-16):
+        points = command_points(ROBOT, JointReference(HOME_POSTURE_RAD.copy(), scale * velocity), PERIOD_S)
+        assert not np.any(points[-1].velocity)
 
 
 def test_a_state_of_rest_is_one_point() -> None:

@@ -14,7 +14,7 @@ from msrd_ros.bags.info import read_info
 from msrd_ros.recordings.table import rows
 from quick_rewards import shipped_bag
 from stack import Stack
-from studio_stack import free_port, wait_for_page
+from studio_stack import start_page, wait_for_page
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(300)]
 
@@ -34,7 +34,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def page(shared_stack: Stack, bags: Path) -> Iterator[Page]:
     browser_path()
-    studio = shared_stack.start("studio", port=free_port(), bags=str(bags))
+    studio = start_page(shared_stack, bags=str(bags))
     with open_page(wait_for_page(shared_stack, studio)) as one:
         one.get_by_role("tab", name="Strokes").click()
         expect(one.locator("#bags tbody tr")).to_have_count(6)
@@ -46,7 +46,7 @@ def line(page: Page, bag: str) -> Locator:
 
 
 def said(page: Page, text: str) -> None:
-    expect(page.locator("#said")).to_contain_text(text, timeout=20_000)
+    expect(page.locator("#said")).to_contain_text(text)
 
 
 def test_studio_library_shows_what_the_command_lists(page: Page, bags: Path) -> None:
@@ -85,11 +85,11 @@ def test_studio_library_relabels_and_takes_back(page: Page, bags: Path) -> None:
     page.once("dialog", lambda dialog: dialog.accept("my-smash"))
     line(page, "forehand-push_002").click()
     page.get_by_role("button", name="Relabel").click()
-    expect(line(page, "my-smash_001")).to_be_visible(timeout=20_000)
+    expect(line(page, "my-smash_001")).to_be_visible()
     assert read_info(bags / "subject_01" / "my-smash_001").label == "my-smash"
     line(page, "my-smash_001").click()
     page.get_by_role("button", name="Take back").click()
-    expect(line(page, "forehand-push_002")).to_be_visible(timeout=20_000)
+    expect(line(page, "forehand-push_002")).to_be_visible()
     assert (bags / "subject_01" / "forehand-push_002" / "metadata.yaml").read_bytes() == before
     assert not (bags / "subject_01" / "my-smash_001").exists()
 
@@ -97,14 +97,14 @@ def test_studio_library_relabels_and_takes_back(page: Page, bags: Path) -> None:
 def test_studio_library_throws_away_and_shows_what_was(page: Page, bags: Path) -> None:
     line(page, "backhand-slice_001").click()
     page.get_by_role("button", name="Throw away").click()
-    expect(page.locator("#bags tbody tr")).to_have_count(5, timeout=20_000)
+    expect(page.locator("#bags tbody tr")).to_have_count(5)
     assert not (bags / "subject_01" / "backhand-slice_001").exists()
     page.get_by_label("discarded, too").check()
     gone = page.locator("#bags tbody tr.discarded")
-    expect(gone).to_have_count(1, timeout=20_000)
+    expect(gone).to_have_count(1)
     gone.click()
     page.get_by_role("button", name="Take back").click()
-    expect(line(page, "backhand-slice_001")).to_be_visible(timeout=20_000)
+    expect(line(page, "backhand-slice_001")).to_be_visible()
     assert (bags / "subject_01" / "backhand-slice_001").is_dir()
     page.get_by_label("discarded, too").uncheck()
 
@@ -113,9 +113,7 @@ def test_studio_library_flags_and_trims(page: Page, bags: Path) -> None:
     page.once("dialog", lambda dialog: dialog.accept("look again"))
     line(page, "backhand-slice_002").click()
     page.get_by_role("button", name="Flag").click()
-    expect(line(page, "backhand-slice_002").locator('.mark[title="look again"]')).to_be_visible(
-        timeout=20_000
-    )
+    expect(line(page, "backhand-slice_002").locator('.mark[title="look again"]')).to_be_visible()
     length_s = read_info(bags / "subject_01" / "backhand-slice_002").duration_ns / 1e9
     page.once("dialog", lambda dialog: dialog.accept("0.1 9"))
     page.get_by_role("button", name="Trim").click()

@@ -72,10 +72,10 @@ def test_studio_play_feeds_on_and_on_until_told_not_to(page: Page) -> None:
     page.get_by_role("button", name="backhand-push", exact=True).click()
     page.get_by_role("button", name="Feed on and on").click()
     row = page.locator("#rates tbody tr").filter(has_text="backhand-push")
-    expect(row.locator("td").nth(1)).to_have_text("3", timeout=60_000)
+    expect(row.locator("td").nth(1)).to_have_text("3")
     page.get_by_role("button", name="No more balls").click()
     expect(page.get_by_role("button", name="Feed on and on")).to_be_visible()
-    expect(page.locator("#phase")).to_have_text("waits for a ball", timeout=30_000)
+    expect(page.locator("#phase")).to_have_text("waits for a ball")
     fed = row.locator("td").nth(1).inner_text()
     page.wait_for_timeout(4000)
     assert int(row.locator("td").nth(1).inner_text()) <= int(fed) + 1
@@ -110,7 +110,7 @@ def test_studio_play_space_stops_the_arm_within_its_limits(page: Page, shared_st
     page.get_by_role("button", name="Let the arm move").click()
     expect(page.get_by_role("button", name="Stop the arm")).to_be_visible()
     page.get_by_role("button", name="Feed a ball").click()
-    expect(page.locator("#phase")).to_have_text("plays", timeout=30_000)
+    expect(page.locator("#phase")).to_have_text("plays")
     shared_stack.node.destroy_subscription(subscription)
 
 

@@ -60,10 +60,8 @@ def test_studio_understand_lays_two_beside_each_other_and_exports(page: Page, tm
     page.locator('#bags tbody tr[data-bag="forehand-slice_001"]').click()
     page.locator('#bags tbody tr[data-bag="forehand-push_001"]').click(modifiers=["Control"])
     page.get_by_role("button", name="Whose is it?").click()
-    expect(page.locator("#picture svg")).to_have_count(1, timeout=60_000)
-    page.wait_for_function(
-        "document.getElementById('picture').textContent.includes('forehand-push of')", timeout=60_000
-    )
+    expect(page.locator("#picture svg")).to_have_count(1)
+    page.wait_for_function("document.getElementById('picture').textContent.includes('forehand-push of')")
     with page.expect_download() as saving:
         page.get_by_text("save as SVG").click()
     saving.value.save_as(tmp_path / "strokes.svg")
@@ -77,6 +75,6 @@ def test_studio_understand_says_when_there_are_no_rewards(page: Page, run: Path)
     try:
         page.locator('#bags tbody tr[data-bag="forehand-push_001"]').click()
         page.get_by_role("button", name="Whose is it?").click()
-        expect(page.locator("#said.bad")).to_contain_text("no rewards to ask", timeout=20_000)
+        expect(page.locator("#said.bad")).to_contain_text("no rewards to ask")
     finally:
         (run / "elsewhere.safetensors").rename(run / "checkpoint.safetensors")

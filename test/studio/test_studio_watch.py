@@ -61,10 +61,10 @@ def test_studio_watch_tells_strategy_verdict_and_rates(page: Page) -> None:
     expect(page.locator("#strategy")).to_have_text("forehand-push")
     before = picture(page)
     page.get_by_role("button", name="Feed a ball").click()
-    expect(page.locator("#phase")).to_have_text("plays", timeout=30_000)
+    expect(page.locator("#phase")).to_have_text("plays")
     page.wait_for_timeout(600)
     assert (np.abs(picture(page) - before).sum(axis=2) > 60).mean() > 0.001
-    expect(page.locator("#verdict")).to_contain_text("returned at", timeout=30_000)
+    expect(page.locator("#verdict")).to_contain_text("returned at")
     row = page.locator("#rates tbody tr").filter(has_text="forehand-push")
     expect(row).to_contain_text("100 %")
     page.get_by_role("button", name="count anew").click()
