@@ -294,7 +294,7 @@ def run(
 
 
 def _leave_interrupts_to_rclpy_later() -> threading.Event:
-    """Have Ctrl-C interrupt Python only until the event is set; rclpy, which calls this handler, ends the rest.
+    """Have Ctrl-C interrupt Python only until the event is set; from then on rclpy ends the node.
 
     A KeyboardInterrupt between any two steps of rclpy leaves half-made objects behind, which then complain.
     """

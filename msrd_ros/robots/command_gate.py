@@ -45,7 +45,7 @@ def command_points(robot: Robot, reference: JointReference, period_s: float) -> 
     points = [Waypoint(period_s, reference.position, reference.velocity)]
     acceleration = robot.limits.acceleration_rad_s2
     stopping_s = np.abs(reference.velocity) / acceleration
-    # Shorter than a nanosecond there is no time in a message. What is rounded so may also become a little less.
+    # Shorter than a nanosecond there is no time in a message. Rounded so, some become a little less.
     rest_s = np.ceil(stopping_s / ROUNDING) * ROUNDING
     for time_s in np.unique(rest_s[stopping_s > 0.0]):
         braking_s = np.minimum(stopping_s, time_s)
