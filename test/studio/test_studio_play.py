@@ -49,15 +49,15 @@ def test_studio_play_feeds_the_ball_that_the_sliders_say(
     page: Page, shared_stack: Stack, feeds: list[Odometry]
 ) -> None:
     page.get_by_role("button", name="my own").click()
-    for name, value in (("speed", "5"), ("backspin", "-40"), ("x", "-0.9"), ("y", "0.2")):
+    for name, value in (("speed", "6"), ("backspin", "-40"), ("x", "-0.9"), ("y", "0.2")):
         page.locator(f"#{name}").fill(value)
     page.get_by_role("button", name="Feed a ball").click()
+    expect(page.locator("#said")).to_contain_text("backspin -40 rad/s, to x -0.9, y 0.2 m")
     message = shared_stack.wait_until(lambda: feeds, "feed")[0]
-    expected = aimed_feed((-0.9, 0.2), 5.0, -40.0)
+    expected = aimed_feed((-0.9, 0.2), 6.0, -40.0)
     found = feed_from_message(message)
     np.testing.assert_allclose(found.velocity, expected.velocity)
     np.testing.assert_allclose(found.spin, expected.spin)
-    expect(page.locator("#said")).to_contain_text("backspin -40 rad/s, to x -0.9, y 0.2 m")
 
 
 def test_studio_play_says_what_no_ball_can_do(page: Page, feeds: list[Odometry]) -> None:

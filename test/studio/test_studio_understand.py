@@ -16,7 +16,7 @@ from msrd_ros.explain.explanation import explain, load_rewards
 from quick_rewards import shipped_bag, shipped_strokes, write_checkpoint
 from sawyer import ROBOT
 from stack import Stack
-from studio_stack import free_port, wait_for_page
+from studio_stack import start_page, wait_for_page
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(300)]
 
@@ -34,7 +34,7 @@ def page(shared_stack: Stack, run: Path, tmp_path_factory: pytest.TempPathFactor
     bags = tmp_path_factory.mktemp("library")
     for label in ("forehand-push", "forehand-slice"):
         shutil.copytree(shipped_bag(2, label), bags / f"{label}_001")
-    studio = shared_stack.start("studio", port=free_port(), bags=str(bags), run=str(run))
+    studio = start_page(shared_stack, bags=str(bags), run=str(run))
     with open_page(wait_for_page(shared_stack, studio)) as one:
         one.get_by_role("tab", name="Strokes").click()
         expect(one.locator("#bags tbody tr")).to_have_count(2)
