@@ -33,6 +33,8 @@ from msrd_ros.robots.robot import Robot
 from msrd_ros.studio.polled import PolledTopic
 from msrd_ros.studio.scene import Picture
 
+ROSOUT = "/rosout"
+"""Where every ROS node's log goes: a topic of ROS itself, not of this package."""
 GONE_S = 3.0
 """A node that says nothing for so long is shown as gone."""
 FORGET_S = 30.0
@@ -78,8 +80,8 @@ class Watch:
         self._ball = PolledTopic(node, PointStamped, "ball/position", depth=64)
         self._odometry = PolledTopic(node, Odometry, "ball/odometry")
         node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, EVENT)
-        node.create_subscription(Log, "/rosout", self._on_log, EVENT)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        node.create_subscription(Log, ROSOUT, self._on_log, EVENT)
         hear_latched(node, Header, "strategy", self._on_strategy)
         self._position: NDArray[np.float64] | None = None
         self._spin: NDArray[np.float64] | None = None

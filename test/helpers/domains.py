@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import socket
 from collections.abc import Iterator
@@ -14,14 +15,20 @@ from rclpy.node import Node
 HIGHEST_DOMAIN_ID = 101
 """Above this, Fast DDS's ports meet those that Linux hands out."""
 
+_TURNS = itertools.count()
+
 
 @contextmanager
 def reserved_domain() -> Iterator[int]:
-    """Keep a domain from all other tests for as long as the context lasts."""
+    """Keep a domain from all other tests for as long as the context lasts.
+
+    Each time it is another one: what killed processes leave in shared memory is no good company.
+    """
+    first = os.getpid() + next(_TURNS)
     # A bound abstract socket is a lock that the kernel drops with the process, and leaves no file.
     with socket.socket(socket.AF_UNIX) as reservation:
         for attempt in range(HIGHEST_DOMAIN_ID):
-            candidate = 1 + (os.getpid() + attempt) % HIGHEST_DOMAIN_ID
+            candidate = 1 + (first + attempt) % HIGHEST_DOMAIN_ID
             try:
                 reservation.bind(f"\0msrd_ros test domain {candidate}")
             except OSError:

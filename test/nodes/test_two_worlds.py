@@ -42,7 +42,8 @@ def test_who_may_speak(stack: Stack, tmp_path: Path) -> None:
     report = tmp_path / "none.json"
     evaluator = stack.start("evaluator", balls=2, seed=1, checkpoint=checkpoint, report=report)
     line = one_line(evaluator, "evaluator")
-    assert "2 nodes decide rallies on /rally/outcome (/simulator, /test_observer)" in line
+    told = "2 nodes decide rallies on /rally/outcome (/simulator, /test_observer)"
+    assert told in line, f"{first.output}\n{executor.output}\n{evaluator.output}"
     assert not report.exists()
     stack.node.destroy_publisher(other)
 
