@@ -28,11 +28,12 @@ def test_who_may_speak(stack: Stack, tmp_path: Path) -> None:
     executor = stack.start("executor", checkpoint=checkpoint)
     executor.wait_for_line("ready: lockstep")
 
-    # A forgotten simulator, a bag that is played beside an arm: they end, the first goes on.
+    # A forgotten simulator, a bag that is played beside an arm: they end, the first goes on. One after the
+    # other: a simulator that starts slowly would take the player for the one that was there before.
     second = stack.start("simulator", seed=3)
-    player = stack.start("player", bags=f"[{shipped_bags()}]", wait_s=3.0)
     line = one_line(second, "simulator")
     assert "another node already decides rallies on /rally/outcome (/simulator); stop it first" in line
+    player = stack.start("player", bags=f"[{shipped_bags()}]", wait_s=3.0)
     line = one_line(player, "player")
     assert "an arm already speaks on /joint_states (right_j0, right_j1" in line
     first.require_running()
