@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import inspect
 import json
 import re
 from pathlib import Path
@@ -32,7 +33,8 @@ def services() -> str:
     """Table of the services that the nodes' code creates, and of those that rclpy gives to managed nodes."""
     lines = ["| node | service | type |", "|---|---|---|"]
     for node in NODES:
-        for call in ast.walk(ast.parse((PACKAGE / "nodes" / f"{node}.py").read_text(encoding="utf-8"))):
+        code = Path(inspect.getfile(node_type(node))).read_text(encoding="utf-8")
+        for call in ast.walk(ast.parse(code)):
             if isinstance(call, ast.Call) and ast.unparse(call.func) == "self.create_service":
                 kind, name = call.args[:2]
                 lines.append(f"| {node} | `{ast.literal_eval(name)}` | std_srvs/srv/{ast.unparse(kind)} |")
