@@ -11,6 +11,7 @@ import yaml
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Channel, Message, Schema
 
+from msrd_ros.contract.topics import BagMessage
 from msrd_ros.core.errors import UserError
 
 REPAIR_COMMAND = "python -m msrd_ros.bags repair"
@@ -116,6 +117,11 @@ def read_mcap_messages(stream: IO[bytes]) -> Iterator[tuple[Schema | None, Chann
         stream.seek(0)
         reader = NonSeekingReader(stream, validate_crcs=True)
     yield from reader.iter_messages()
+
+
+def bag_message(channel: Channel, message: Message) -> BagMessage:
+    """A record of an MCAP file as a message of a bag."""
+    return BagMessage(channel.topic, message.data, message.log_time, message.publish_time, message.sequence)
 
 
 def _facts(stream: IO[bytes]) -> McapFacts:

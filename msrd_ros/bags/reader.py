@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Reader
 
 from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.info import BagInfo, read_info
-from msrd_ros.bags.lone_mcap import read_mcap_messages, repair_command
+from msrd_ros.bags.lone_mcap import bag_message, read_mcap_messages, repair_command
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.topics import (
@@ -173,9 +173,7 @@ def _read_storage(info: BagInfo) -> Iterator[BagMessage]:
         for name in info.files:
             with (info.folder / name).open("rb") as stream:
                 for _, channel, message in read_mcap_messages(stream):
-                    yield BagMessage(
-                        channel.topic, message.data, message.log_time, message.publish_time, message.sequence
-                    )
+                    yield bag_message(channel, message)
         return
     with Reader(info.path) as reader:
         for connection, time_ns, data in reader.messages():

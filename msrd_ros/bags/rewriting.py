@@ -17,7 +17,13 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import IndexType, Writer
 
 from msrd_ros.bags.info import BagInfo, load_metadata
-from msrd_ros.bags.lone_mcap import MCAP_SUFFIX, METADATA_RECORD, read_mcap_messages, repair_command
+from msrd_ros.bags.lone_mcap import (
+    MCAP_SUFFIX,
+    METADATA_RECORD,
+    bag_message,
+    read_mcap_messages,
+    repair_command,
+)
 from msrd_ros.bags.metadata import METADATA_FILE, ROOT_KEY, dump_yaml
 from msrd_ros.bags.writer import SUMMARY, appearing
 from msrd_ros.contract.topics import BagMessage
@@ -96,15 +102,7 @@ class _Copy:
             with (self._info.folder / name).open("rb") as stream:
                 for schema, channel, message in read_mcap_messages(stream):
                     self._channels.setdefault(channel.topic, (channel, schema))
-                    changed = change(
-                        BagMessage(
-                            channel.topic,
-                            message.data,
-                            message.log_time,
-                            message.publish_time,
-                            message.sequence,
-                        )
-                    )
+                    changed = change(bag_message(channel, message))
                     if changed is not None:
                         self.messages.append(changed)
                 stream.seek(0)

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 
 from msrd_ros.bags.reader import Bag
-from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.explain.comparison import Comparison, compare
 from msrd_ros.explain.explanation import (
@@ -26,10 +25,9 @@ from msrd_ros.explain.explanation import (
 )
 from msrd_ros.explain.figure import MOST_STROKES, require_format, write_figure
 from msrd_ros.learning.learned import Learned
+from msrd_ros.recordings.editing_command import add_reading_options, read_options
 from msrd_ros.recordings.episodes import read_bags, read_episodes
 from msrd_ros.recordings.library import BagLibrary
-from msrd_ros.robots.default import DEFAULT_ROBOT
-from msrd_ros.robots.loading import load_robot
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
 
@@ -79,15 +77,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FOLDER",
         help="returned strokes to rank R0 among, and to calibrate with",
     )
-    parser.add_argument("--robot", default=DEFAULT_ROBOT, help="the arm that was led: a name or a folder")
+    add_reading_options(parser)
     parser.add_argument("--strategies", default="", metavar="FILE", help=STRATEGIES_HELP)
-    parser.add_argument(
-        "--topics",
-        action="append",
-        default=[],
-        metavar="NAME:=NAME_IN_BAG",
-        help="what a topic is called in the bags; may be given several times",
-    )
     parser.add_argument("--json", action="store_true", help="print one object, and nothing else")
     return parser
 
@@ -97,8 +88,8 @@ def _explain(options: argparse.Namespace) -> int:
         raise UserError(f"{len(options.bag)} bags: give one, or two to lay beside each other")
     if options.out is not None:
         require_format(options.out)
-    robot, strategies = load_robot(options.robot), Strategies.load(options.strategies)
-    names = parse_topic_names(options.topics, "--topics")
+    robot, names = read_options(options)
+    strategies = Strategies.load(options.strategies)
     learned = load_rewards(options.checkpoint.expanduser(), robot)
     strokes = [_read(learned, bag, robot, names) for bag in options.bag]
     others = [] if options.among is None else _read_others(learned, options.among, options.bag, robot, names)

@@ -70,17 +70,28 @@ def write_figure(
     UserError
         If the format is another one, there are too many strokes, or it cannot be written.
     """
-    import matplotlib
-
     kind = require_format(path)
     if not 1 <= len(strokes) <= MOST_STROKES:
         raise UserError(f"{path}: {len(strokes)} strokes; draw one, or two beside each other")
+    write_atomically(path, render(kind, strokes, titles, strategies, temperature))
+
+
+def render(
+    kind: str,
+    strokes: Sequence[Explanation],
+    titles: Sequence[str],
+    strategies: Strategies,
+    temperature: float = UNCALIBRATED,
+) -> bytes:
+    """The figure of `write_figure` as a file of one of `FORMATS` holds it."""
+    import matplotlib
+
     buffer = io.BytesIO()
     # The same strokes give the same bytes, and text stays text.
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "msrd_ros", "font.size": 9}):
         figure = draw(strokes, titles, strategies, temperature)
         figure.savefig(buffer, format=kind, metadata={"Date": None} if kind == "svg" else None)
-    write_atomically(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def require_format(path: Path) -> str:

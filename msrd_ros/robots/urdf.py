@@ -132,7 +132,7 @@ def _inertia(link: ElementTree.Element, path: Path) -> LinkInertia:
     if inertial is None:
         return LinkInertia(name, 0.0, ORIGIN, (0.0,) * 6)
     where = f"{path}: link {name}"
-    centre, turn = _pose(inertial, where)
+    centre, turn = read_pose(inertial, where)
     mass = _number(inertial.find("mass"), "value", where)
     tensor = inertial.find("inertia")
     xx, xy, xz, yy, yz, zz = (_number(tensor, key, where) for key in _TENSOR)
@@ -151,13 +151,20 @@ def _joint(joint: ElementTree.Element, links: dict[str, LinkInertia], path: Path
         if link not in links:
             raise UserError(f"{where}: its {role} link {link!r} is not in the file; add the link")
         ends.append(link)
-    offset, turn = _pose(joint, where)
+    offset, turn = read_pose(joint, where)
     axis_element = joint.find("axis")
     axis = (1.0, 0.0, 0.0) if axis_element is None else _vector(axis_element, "xyz", where)
     return JointOrigin(name, ends[0], ends[1], offset, turn, joint.get("type", ""), axis)
 
 
-def _pose(element: ElementTree.Element, where: str) -> tuple[Vector, Vector]:
+def read_pose(element: ElementTree.Element, where: str) -> tuple[Vector, Vector]:
+    """Offset in m and fixed-axis roll, pitch, yaw in rad of what has an ``<origin>``; zeros without one.
+
+    Raises
+    ------
+    UserError
+        If they are not three numbers each; names `where`.
+    """
     origin = element.find("origin")
     if origin is None:
         return ORIGIN, ORIGIN

@@ -10,9 +10,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.chain import rotation_from_roll_pitch_yaw
+from msrd_ros.robots.chain import Frame, frame
 from msrd_ros.robots.robot import Robot
-from msrd_ros.robots.urdf import WORLD_LINK
+from msrd_ros.robots.urdf import ORIGIN, WORLD_LINK, read_pose
 
 Array = NDArray[np.float64]
 
@@ -40,15 +40,16 @@ def arm_meshes(robot: Robot) -> dict[str, Any]:
     carriers = {joint.child: joint for joint in robot.standing.fixed_joints}
     parts: dict[str, list[Any]] = {name: [] for name in (WORLD_LINK, *robot.link_names)}
     for link in root.findall("link"):
-        name, placed = str(link.get("name")), np.eye(4)
+        name, placed = str(link.get("name")), frame(ORIGIN, ORIGIN)
+        where = f"robot {robot.name}: link {name}"
         while name not in parts:
             joint = carriers[name]
-            placed = _transform(joint.offset, joint.roll_pitch_yaw) @ placed
+            placed = frame(joint.offset, joint.roll_pitch_yaw).then(placed)
             name = joint.parent
         for visual in link.findall("visual"):
-            shape = _shape(visual, f"robot {robot.name}: link {link.get('name')}")
+            shape = _shape(visual, where)
             shape.visual = trimesh.visual.ColorVisuals(shape, face_colors=_colour(visual, colours))
-            parts[name].append(shape.apply_transform(placed @ _origin(visual)))
+            parts[name].append(shape.apply_transform(_matrix(placed.then(frame(*read_pose(visual, where))))))
     return {name: trimesh.util.concatenate(shapes) for name, shapes in parts.items() if shapes}
 
 
@@ -79,17 +80,10 @@ def _bytes(colour: list[float] | tuple[float, ...]) -> Array:
     return np.round(255 * np.array(colour)).astype(np.uint8)
 
 
-def _origin(visual: ElementTree.Element) -> Array:
-    origin = visual.find("origin")
-    if origin is None:
-        return np.eye(4)
-    return _transform(_numbers(origin.get("xyz", "0 0 0")), _numbers(origin.get("rpy", "0 0 0")))
-
-
-def _transform(offset: list[float] | tuple[float, ...], turn: list[float] | tuple[float, ...]) -> Array:
+def _matrix(place: Frame) -> Array:
+    """The homogeneous form (4, 4) of a frame."""
     matrix = np.eye(4)
-    matrix[:3, :3] = rotation_from_roll_pitch_yaw(*turn)
-    matrix[:3, 3] = offset
+    matrix[:3, :3], matrix[:3, 3] = place.rotation, place.position
     return matrix
 
 

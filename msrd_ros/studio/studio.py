@@ -17,6 +17,7 @@ from rclpy.guard_condition import GuardCondition
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
+from msrd_ros.explain.figure import MOST_STROKES
 from msrd_ros.nodes.common import StackNode, robot_parameter, run, steady_timer
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.studio.control import FASTEST, SLOWEST, Answer, Control
@@ -301,14 +302,14 @@ class Studio(StackNode):
         self._later(answer, work)
 
     def _do_explain(self, request: Request, answer: Answer) -> None:
-        names = request.texts("bags", most=2)
+        names = request.texts("bags", most=MOST_STROKES)
 
         def work() -> tuple[str, dict[str, Any]]:
             episodes = self._library.episodes(names)
-            told = self._understanding.tell(episodes)
+            told = self._understanding.explain(episodes)
             self._replay = Replay(episodes[0], names[0])
-            self._scene.lay_over([coloured_by_reward(self._understanding.task_rewards(episodes[0]))])
-            return "yellow where R0 is highest, violet where it is lowest", told
+            self._scene.lay_over([coloured_by_reward(told[0])])
+            return "yellow where R0 is highest, violet where it is lowest", self._understanding.picture(told)
 
         self._later(answer, work)
 

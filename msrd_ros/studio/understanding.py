@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import torch
 from msrd_ros.contract.episode import Episode
 from msrd_ros.core.errors import UserError
 from msrd_ros.explain.explanation import Explanation, explain, load_rewards
-from msrd_ros.explain.figure import MOST_STROKES, write_figure
+from msrd_ros.explain.figure import render
 from msrd_ros.learning.harness import CHECKPOINT_FILE
 from msrd_ros.learning.learned import Learned
 from msrd_ros.robots.robot import Robot
@@ -35,33 +34,26 @@ class Understanding:
         self._read_ns = 0
         self._learned: Learned | None = None
 
-    def tell(self, episodes: Sequence[Episode]) -> dict[str, Any]:
-        """One stroke, or two beside each other.
-
-        Returns
-        -------
-        ``svg``, the picture; ``strokes``, for each its labels, S_i and R0 by time, and whose it is.
+    def explain(self, episodes: Sequence[Episode]) -> list[Explanation]:
+        """What the rewards say of some strokes.
 
         Raises
         ------
         UserError
-            If there are too many strokes, or no rewards to ask.
+            If there are no rewards to ask.
         """
-        if not 1 <= len(episodes) <= MOST_STROKES:
-            raise UserError(
-                f"{len(episodes)} strokes are chosen; choose one, or two to lay beside each other"
-            )
         learned = self._rewards()
-        told = [explain(learned, episode) for episode in episodes]
-        with tempfile.TemporaryDirectory() as folder:
-            picture = Path(folder) / "strokes.svg"
-            write_figure(picture, told, [one.title for one in told], self._strategies)
-            svg = picture.read_text(encoding="utf-8")
-        return {"svg": svg, "strokes": [_as_plain(one) for one in told]}
+        return [explain(learned, episode) for episode in episodes]
 
-    def task_rewards(self, episode: Episode) -> Explanation:
-        """R0 along one stroke; raises as `tell` does."""
-        return explain(self._rewards(), episode)
+    def picture(self, told: Sequence[Explanation]) -> dict[str, Any]:
+        """One stroke, or two beside each other, for a page.
+
+        Returns
+        -------
+        ``svg``, the picture; ``strokes``, for each its labels, S_i and R0 by time, and whose it is.
+        """
+        svg = render("svg", told, [one.title for one in told], self._strategies)
+        return {"svg": svg.decode(), "strokes": [_as_plain(one) for one in told]}
 
     def _rewards(self) -> Learned:
         file = self._run / CHECKPOINT_FILE

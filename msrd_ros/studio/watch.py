@@ -154,18 +154,20 @@ class Watch:
 
     def is_alive(self, name: str) -> bool:
         """Whether a node of this name (without namespace) has been heard of lately."""
-        now_s = time.monotonic()
-        return any(
-            full.rpartition("/")[2] == name and now_s - heard_s < GONE_S
-            for full, (_, heard_s) in self._nodes.items()
-        )
+        return self._alive(name) is not None
 
     def values(self, name: str) -> dict[str, str]:
         """What the node of this name says of itself in /diagnostics; nothing if it is gone."""
-        for full, (status, _) in self._nodes.items():
-            if full.rpartition("/")[2] == name and self.is_alive(name):
-                return {pair.key: pair.value for pair in status.values}
-        return {}
+        status = self._alive(name)
+        return {pair.key: pair.value for pair in status.values} if status is not None else {}
+
+    def _alive(self, name: str) -> DiagnosticStatus | None:
+        """The newest status of a node that has been heard of lately."""
+        now_s = time.monotonic()
+        for full, (status, heard_s) in self._nodes.items():
+            if full.rpartition("/")[2] == name and now_s - heard_s < GONE_S:
+                return status
+        return None
 
     def forget_rates(self) -> None:
         """Begin to count anew."""
