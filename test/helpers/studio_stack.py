@@ -22,7 +22,7 @@ def free_port() -> int:
 
 def start_studio(stack: Stack, **parameters: object) -> str:
     """Start all three on a stack's domain; the page's address, once it is served."""
-    stack.start("simulator", seed=3, rate=0.5)
+    stack.start_simulator(seed=3, rate=0.5)
     stack.start("executor", checkpoint=str(POLICIES))
     return wait_for_page(stack, start_page(stack, **parameters))
 
