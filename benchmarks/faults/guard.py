@@ -45,11 +45,16 @@ class Guard:
         self.speed = 0.0
         self.kept: list[Path] = []
         profile = QoSProfile(depth=DEPTH)
+        self._node = node
+        self._commands = node.create_subscription(JointTrajectory, "joint_command", self._on_command, profile)
         self._subscriptions = [
-            node.create_subscription(JointTrajectory, "joint_command", self._on_command, profile),
             node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, profile),
             node.create_subscription(DiagnosticArray, VERDICT, self._on_verdict, profile),
         ]
+
+    def leave_commands(self) -> None:
+        """Look at no more commands: in a run whose speed counts."""
+        self._node.destroy_subscription(self._commands)
 
     def forget(self) -> None:
         """Begin anew: the next command is the first of another executor."""

@@ -22,7 +22,6 @@ from msrd_ros.core.formats import write_report
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.adaptive import hear
 from msrd_ros.nodes.common import (
-    COMMAND,
     EVENT,
     LATCHED,
     Finished,
@@ -33,6 +32,7 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.messages import feed_to_message, strategy_message
+from msrd_ros.nodes.polled import PolledTopic
 from msrd_ros.nodes.sources import FORGET_S
 from msrd_ros.nodes.speakers import START_UP_S, Speakers
 from msrd_ros.robots.loading import load_robot
@@ -68,6 +68,7 @@ class EvaluatorConfig:
     )
 
 
+COMMAND_PERIOD_S = 0.01
 PATIENCE_S = 5.0
 """A stroke with all its ways takes less."""
 
@@ -93,7 +94,9 @@ class Evaluator(StackNode):
         self._strategy = self.create_publisher(Header, "strategy", LATCHED)
         self._feed = self.create_publisher(Odometry, "feed", EVENT)
         hear(self, DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
-        hear(self, JointTrajectory, "joint_command", self._on_command, COMMAND)
+        # Only whose it is counts, and one a tick: to take each would slow down those who answer the ticks.
+        self._command = PolledTopic(self, JointTrajectory, "joint_command")
+        steady_timer(self, COMMAND_PERIOD_S, self._look_at_command)
         self._speakers = Speakers(self)
         self._doubtful_since_s: float | None = None
         self._outcome_ns = 0
@@ -148,10 +151,13 @@ class Evaluator(StackNode):
         self._strategy.publish(strategy_message(self._label, self.get_clock().now().to_msg()))
         self._waiting_for, self._since_s = "command", time.monotonic()
 
-    def _on_command(self, message: JointTrajectory) -> None:
+    def _look_at_command(self) -> None:
+        newest = self._command.take()
+        if not newest:
+            return
         self._commanded_s = time.monotonic()
         # The executor serves the strategy; the simulator launches once the arm rests in its ready pose.
-        if self._waiting_for != "command" or message.header.frame_id != str(self._label):
+        if self._waiting_for != "command" or newest[-1].header.frame_id != str(self._label):
             return
         if not self._connected:
             self._connected = referee_hears(self, self._feed)
