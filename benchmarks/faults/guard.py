@@ -41,6 +41,8 @@ class Guard:
         self._last: tuple[int, np.ndarray[Any, Any]] | None = None
         self.commands = 0
         self.outcomes = 0
+        self.outcome_s = 0.0
+        """The stack's own time of the last outcome."""
         self.last_s = 0.0
         self.speed = 0.0
         self.kept: list[Path] = []
@@ -60,8 +62,9 @@ class Guard:
         """Begin anew: the next command is the first of another executor."""
         self._last = None
 
-    def _on_outcome(self, _: DiagnosticArray) -> None:
+    def _on_outcome(self, message: DiagnosticArray) -> None:
         self.outcomes += 1
+        self.outcome_s = stamp_to_ns(message.header.stamp) / 1e9
 
     def _on_verdict(self, message: DiagnosticArray) -> None:
         values = {item.key: item.value for status in message.status for item in status.values}

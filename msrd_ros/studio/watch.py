@@ -29,8 +29,8 @@ from msrd_ros.contract.translation import (
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import EVENT
 from msrd_ros.nodes.latched import hear_latched
-from msrd_ros.robots.robot import Robot
 from msrd_ros.nodes.polled import PolledTopic
+from msrd_ros.robots.robot import Robot
 from msrd_ros.studio.scene import Picture
 
 ROSOUT = "/rosout"
