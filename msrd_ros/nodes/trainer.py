@@ -6,9 +6,12 @@ import time
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.publisher import Publisher
 from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 
@@ -315,12 +318,20 @@ class Trainer(ManagedNode):
     def _publish_policies(self, policies: StrokePolicies) -> None:
         # Rollouts over topics publish what they play themselves.
         if self.config.rollouts != "topics":
-            self._policy.publish(bytes_to_message(policies.to_bytes()))
+            self._send(self._policy, bytes_to_message(policies.to_bytes()))
 
     def _publish_progress(self, figures: dict[str, float]) -> None:
         message = DiagnosticArray(status=[status("trainer", "training", figures)])
         message.header.stamp = self.get_clock().now().to_msg()
-        self._progress.publish(message)
+        self._send(self._progress, message)
+
+    def _send(self, publisher: Publisher, message: Any) -> None:
+        """Publish; once a signal has shut rclpy down nobody hears it, and what was learned is yet to be saved."""
+        try:
+            publisher.publish(message)
+        except rclpy_implementation.RCLError:
+            if self.context.ok():
+                raise
 
     def _look_after_training(self) -> None:
         """Start when no more demonstrations come; raise what the thread ran into, or finish with it."""

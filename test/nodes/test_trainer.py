@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,30 @@ def test_services_checkpoint_and_stop(stack: Stack, tmp_path: Path) -> None:
     policies = finish(trainer, tmp_path)
     assert policies.labels == LABELS
     assert 0 < json.loads((tmp_path / "training.json").read_text())["iterations"] < 100_000
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_end_loses_nothing_that_was_learned(
+    stack: Stack, tmp_path: Path, end: signal.Signals
+) -> None:
+    progress: list[DiagnosticArray] = []
+    stack.node.create_subscription(DiagnosticArray, "training/progress", progress.append, EVENT)
+    trainer = stack.start("trainer", **TINY, out=tmp_path, iterations=100_000, checkpoint_every=0)
+    stack.wait_until(lambda: len(progress) > 1, "progress", 200.0, trainer)
+    assert trainer.stop(end) == 0, trainer.output
+    assert "Traceback" not in trainer.output
+    heard = max(int(value_of(message, "iteration")) for message in progress)
+    done = json.loads((tmp_path / "training.json").read_text())["iterations"]
+    assert done >= heard
+    resumed = stack.start("trainer", **TINY, out=tmp_path, iterations=100_000, resume=True)
+    resumed.wait_for_line(f"goes on from iteration {done} of", 200.0)
+    assert stack.trigger("trainer/stop").success
+    finish(resumed, tmp_path)
+
+
+def value_of(message: DiagnosticArray, key: str) -> str:
+    """One figure of the progress."""
+    return str(next(pair.value for pair in message.status[0].values if pair.key == key))
 
 
 def test_without_demonstrations_there_is_nothing_to_start(stack: Stack, tmp_path: Path) -> None:
