@@ -35,7 +35,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "joint_command": "executor → simulator or driver; the strategy that it serves in the header",
         "teach/hand": "demonstrator or tracked hand → simulator",
         "recorder/verdict": "recorder → demonstrator; kept, or why not",
-        "policy": "trainer → executor; safetensors bytes, swapped between strokes only",
+        "policy": "trainer, studio → executor; safetensors bytes, swapped between strokes only",
         "training/progress": "trainer",
         "scene": "simulator → RViz, Foxglove",
         "/tf": "simulator → RViz, Foxglove (where tf2_msgs is installed)",

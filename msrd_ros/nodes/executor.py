@@ -142,12 +142,14 @@ class Executor(ManagedNode):
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """The phase of the stroke, and what is played."""
         phase = self._player.phase.value if self._player else "no joint_states yet"
+        policies = self._exchange.policies
         return phase, {
             "enabled": self.config.enabled,
             "strategy": self._exchange.strategy or "",
             "policies": self._exchange.digest,
             "commands": self._output.sent,
             **self._counts,
+            **({f"side_{label}": facts.side for label, facts in policies.facts.items()} if policies else {}),
         }
 
     def waits_for(self) -> list[str]:

@@ -326,7 +326,7 @@ class Trainer(ManagedNode):
         self._send(self._progress, message)
 
     def _send(self, publisher: Publisher, message: Any) -> None:
-        """Publish; once a signal has shut rclpy down nobody hears it, and what was learned is yet to be saved."""
+        """Publish; after a signal nobody hears it any more, while what was learned has yet to be saved."""
         try:
             publisher.publish(message)
         except rclpy_implementation.RCLError:

@@ -165,6 +165,10 @@ class NodeProcess:
             end = f"ended with exit status {code}" if code else "ended early, with exit status 0"
         return f"{self.name} {end}; {self._last_words()}"
 
+    def ask_to_end(self) -> None:
+        """Ask it to end, and wait for nothing."""
+        self._process.send_signal(signal.SIGINT)
+
     def stop(self) -> None:
         """Ask it to end, and insist if it does not."""
         for number, patience_s in ((signal.SIGINT, STOP_TIMEOUT_S), (signal.SIGTERM, INSIST_TIMEOUT_S)):

@@ -283,7 +283,9 @@ def _studio(values: Values) -> tuple[Stage, ...]:
     executor = NodeCall("executor", {**robot, **values.pick(mode="mode"), **played, "seed": values["seed"]})
     if has_driver:
         executor = executor.having(enabled=False)
-    page = values.pick(bags="bags", run="run", port="port", expose="expose", token="token", seed="seed")
+    page = values.pick(
+        bags="bags", run="run", runs="runs", port="port", expose="expose", token="token", seed="seed"
+    )
     return (
         Stage(
             "studio",
@@ -417,7 +419,7 @@ SETS = {
         ),
         NodeSet(
             "studio",
-            "a page in the browser to watch the arm, feed balls and look at strokes",
+            "a page in the browser to watch the arm, feed balls, look at strokes and learn from them",
             (
                 Argument(
                     "checkpoint",
@@ -432,6 +434,7 @@ SETS = {
                     unset=_FROM_FILE.format("out/demo/training"),
                     read=as_path,
                 ),
+                Argument("runs", "Folder of what is trained from the page", "out/studio/runs", read=as_path),
                 _ROBOT,
                 Argument(
                     "arm",

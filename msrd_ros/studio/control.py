@@ -84,8 +84,13 @@ class Control:
         self.own, self.spread = None, kind
         return f"balls of spread {kind}"
 
-    def feed(self) -> str:
+    def feed(self, side: Side | None = None) -> str:
         """Feed one ball.
+
+        Parameters
+        ----------
+        side
+            Where the policy of the wanted strategy stands; None where nobody says.
 
         Raises
         ------
@@ -94,7 +99,8 @@ class Control:
         """
         if not self._feed.get_subscription_count():
             raise UserError("nobody launches balls: topic feed has no subscriber; start a simulator")
-        side = (self._strategies.of(self.wanted).side if self.wanted else None) or Side(DEFAULT_SIDE)
+        listed = self._strategies.of(self.wanted).side if self.wanted else None
+        side = listed or side or Side(DEFAULT_SIDE)
         self._feed.publish(
             feed_to_message(self.own or self._feeder.sample(side, SPREADS[self.spread], self._rng))
         )

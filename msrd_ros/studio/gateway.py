@@ -152,7 +152,7 @@ class Gateway:
         application = web.Application(middlewares=[self._hold])
         application.router.add_get("/", self._page)
         application.router.add_get("/live", self._live)
-        application.router.add_get("/studio.{kind:css|js}", self._page)
+        application.router.add_get("/{name:[a-z]+[.](css|js)}", self._page)
         application.router.add_get("/scene{slash:/?}{path:.*}", self._behind)
         self._session = aiohttp.ClientSession(
             headers={SECRET_HEADER: self._scene.secret}, auto_decompress=False
@@ -188,11 +188,12 @@ class Gateway:
     # -- what is served ------------------------------------------------------------------------
 
     async def _page(self, request: web.Request) -> web.Response:
-        kind = request.match_info.get("kind", "html")
-        name = "index.html" if kind == "html" else f"studio.{kind}"
-        text = files("msrd_ros.studio").joinpath("page", name).read_text(encoding="utf-8")
-        types = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
-        return web.Response(text=text, content_type=types[kind], headers=_SAFETY)
+        name = request.match_info.get("name", "index.html")
+        file = files("msrd_ros.studio").joinpath("page", name)
+        if not file.is_file():
+            return web.Response(status=404, headers=_SAFETY)
+        kind = {"html": "text/html", "css": "text/css", "js": "text/javascript"}[name.rpartition(".")[2]]
+        return web.Response(text=file.read_text(encoding="utf-8"), content_type=kind, headers=_SAFETY)
 
     async def _live(self, request: web.Request) -> web.WebSocketResponse:
         """The connection over which a page is told what happens, and says what is to be done."""

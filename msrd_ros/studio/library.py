@@ -62,7 +62,7 @@ class Library:
             If the bag or what is asked for is unfit.
         """
         curation = Curation(self.folder, self._robot)
-        bag = self._place(request.text("bag"), request.verb == "restore")
+        bag = self.place(request.text("bag"), request.verb == "restore")
         if request.verb == "relabel":
             done = curation.relabel(bag, request.text("label"))
         elif request.verb == "trim":
@@ -86,14 +86,20 @@ class Library:
         UserError
             If there is no such bag in the folder, or it cannot be read.
         """
-        return read_episodes(Bag(self._place(name, discarded=True)), self._robot)[0]
+        return read_episodes(Bag(self.place(name, discarded=True)), self._robot)[0]
 
     def episodes(self, names: Sequence[str]) -> list[Episode]:
         """The same of several bags."""
         return [self.episode(name) for name in names]
 
-    def _place(self, name: str, discarded: bool) -> Path:
-        """Where a bag of the folder lies or, where `discarded` is meant, has lain."""
+    def place(self, name: str, discarded: bool = False) -> Path:
+        """Where a bag of the folder lies or, where `discarded` is meant, has lain.
+
+        Raises
+        ------
+        UserError
+            If there is no such bag in the folder.
+        """
         path = self.folder / name
         inside = name and path.resolve().is_relative_to(self.folder.resolve())
         if not inside or not (discarded or path.exists()):

@@ -42,19 +42,19 @@ class Request:
             raise UserError(f"{self.verb}: {name} is no text of at most {most} letters")
         return value
 
-    def texts(self, name: str, most: int) -> list[str]:
-        """Some texts, at least one.
+    def texts(self, name: str, most: int, fewest: int = 1) -> list[str]:
+        """Some texts.
 
         Raises
         ------
         UserError
-            If they are none, or more than `most`.
+            If they are none, fewer than `fewest`, or more than `most`.
         """
         value = self._content.get(name)
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             raise UserError(f"{self.verb}: {name} is no list of texts")
-        if not 1 <= len(value) <= most:
-            raise UserError(f"{self.verb}: {len(value)} of {name} are chosen; choose 1 to {most}")
+        if not fewest <= len(value) <= most:
+            raise UserError(f"{self.verb}: {len(value)} of {name} are chosen; choose {fewest} to {most}")
         return value
 
     def choice(self, name: str, choices: Collection[str]) -> str:
@@ -99,3 +99,16 @@ class Request:
         if not low <= value <= high:
             raise UserError(f"{self.verb}: {name} is {value:g}; give {low:g} to {high:g} {unit}".rstrip())
         return float(value)
+
+    def whole(self, name: str, low: int, high: int) -> int:
+        """A whole number.
+
+        Raises
+        ------
+        UserError
+            If it is none, or out of range; names the range.
+        """
+        value = self.within(name, low, high)
+        if value != int(value):
+            raise UserError(f"{self.verb}: {name} is {value:g}; give a whole number from {low} to {high}")
+        return int(value)

@@ -24,15 +24,18 @@ from msrd_ros.studio.control import FASTEST, SLOWEST, Answer, Control
 from msrd_ros.studio.gateway import Browser, Gateway, address
 from msrd_ros.studio.guard import LOOPBACK, Guard
 from msrd_ros.studio.laid_paths import COLOURS, coloured_by_reward, compared
+from msrd_ros.studio.learn import Learn, LearnConfig
 from msrd_ros.studio.library import VERBS, Library
 from msrd_ros.studio.replay import Replay
 from msrd_ros.studio.requests import Request
 from msrd_ros.studio.scene import TableScene
 from msrd_ros.studio.understanding import Understanding
 from msrd_ros.studio.watch import Watch
-from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
+from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Side, Strategies
 
 STATE_PERIOD_S = 0.1
+PLAYABLE = "side_"
+"""What the names of an executor's figures begin with that tell whom it has policies for."""
 FEED_AGAIN_S = 8.0
 """A ball of which nothing has been heard for so long is followed by the next."""
 
@@ -52,6 +55,7 @@ class StudioConfig:
     )
     bags: str = parameter("bags", "Folder of the bags that can be looked at and edited")
     run: str = parameter("out/demo/training", "Folder of the training run whose rewards explain strokes")
+    runs: str = parameter("runs", "Folder of the training runs that are started from the page")
     strategies: str = parameter("", STRATEGIES_HELP)
     seed: int = parameter(0, "Seed of the feeds", low=0)
     frames_hz: float = parameter(30.0, "How often the picture changes", unit="Hz", low=1.0, high=60.0)
@@ -75,6 +79,8 @@ class Studio(StackNode):
         self._library = Library(Path(config.bags), self._robot)
         self._understanding = Understanding(Path(config.run), self._robot, self._strategies)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="library")
+        learning = LearnConfig(config.robot, config.strategies, Path(config.runs))
+        self._learn = Learn(self, learning, self._library, self._robot, self._later)
         self._replay: Replay | None = None
         self._feeds_on = False
         self._fed_s, self._fed_at = 0.0, -1
@@ -97,6 +103,7 @@ class Studio(StackNode):
             "explain": self._do_explain,
             "replay": self._do_replay,
             "seek": self._do_seek,
+            **self._learn.verbs,
         }
         token = config.token or (secrets.token_urlsafe(16) if config.expose else "")
         guard, host = Guard(config.port, token), "0.0.0.0" if config.expose else LOOPBACK
@@ -118,6 +125,7 @@ class Studio(StackNode):
     def close(self) -> None:
         """Serve no more."""
         self._gateway.close()
+        self._learn.close()
         self._worker.shutdown(cancel_futures=True)
         self._scene.close()
 
@@ -144,12 +152,15 @@ class Studio(StackNode):
             return
         simulator, executor = self._watch.values("simulator"), self._watch.values("executor")
         state = self._watch.state()
-        known = [str(label) for label in self._strategies.labels]
+        playable = self._playable()
+        known = list(dict.fromkeys([*map(str, self._strategies.labels), *playable]))
         self._gateway.show(
             {
                 **state,
                 "robot": self._robot.name,
                 "strategies": known,
+                "playable": list(playable),
+                "learning": self._learn.state(),
                 "colours": {name: self._strategies.of(StrategyLabel(name)).colour for name in known},
                 "simulated": bool(simulator),
                 "paused": simulator.get("paused") == "true",
@@ -178,7 +189,13 @@ class Studio(StackNode):
         if self._watch.values("executor").get("enabled") == "false":
             raise UserError("the arm is stopped and would miss it; let it move first")
         self._fed_s, self._fed_at = time.monotonic(), self._watch.decided
-        return self._control.feed()
+        return self._control.feed(self._playable().get(str(self._control.wanted)))
+
+    def _playable(self) -> dict[str, Side]:
+        """What the executor has policies for, and where each stands."""
+        told = self._watch.values("executor")
+        named = {key.removeprefix(PLAYABLE): side for key, side in told.items() if key.startswith(PLAYABLE)}
+        return {label: side for label in named for side in Side if side == named[label]}
 
     # -- what is asked for ---------------------------------------------------------------------
 

@@ -1,14 +1,18 @@
 // The page beside the scene: shows what the studio tells, asks for what is pressed.
 
 const RATES = [0.05, 0.1, 0.25, 0.5, 1, 0];
-const $ = (id) => document.getElementById(id);
+export const $ = (id) => document.getElementById(id);
 
 let socket = null;
-let state = {};
+export let state = {};
 let kind = "standard";
 let scrubbing = false;
 let asked = 0;
 const waiting = new Map();
+
+// Tabs with files of their own: called with every state, and when a tab is opened, by its name.
+export const listeners = [];
+export const opened = {};
 
 // -- the connection ------------------------------------------------------------------------------
 
@@ -27,7 +31,7 @@ function connect() {
   };
 }
 
-function ask(verb, values = {}, then = null) {
+export function ask(verb, values = {}, then = null) {
   if (socket.readyState !== WebSocket.OPEN) return say("not sent: the studio does not answer", false);
   const id = ++asked;
   if (then) waiting.set(id, then);
@@ -50,9 +54,9 @@ function say(text, ok) {
 // -- what is shown -------------------------------------------------------------------------------
 
 function show(news) {
-  const first = !state.strategies;
+  const known = String(state.strategies);
   state = news;
-  if (first) offerStrategies();
+  if (known !== String(state.strategies)) offerStrategies();
   const name = state.replay ? state.replay.label : state.playing || state.wanted;
   $("strategy").textContent = name || "no strategy";
   $("strategy").style.borderLeftColor = state.colours[name] || "";
@@ -65,9 +69,19 @@ function show(news) {
   showRates();
   showNodes();
   for (const button of $("strategies").children)
-    button.classList.toggle("chosen", button.dataset.name === state.wanted);
+    offered(button);
   $("feed-on").classList.toggle("chosen", state.feeds_on);
   $("feed-on").textContent = state.feeds_on ? "No more balls" : "Feed on and on";
+  for (const listen of listeners) listen();
+}
+
+// What the executor has no policy for can be chosen ahead, and is said to be missing.
+function offered(button) {
+  const { name } = button.dataset;
+  button.classList.toggle("chosen", name === state.wanted);
+  const absent = name !== "" && state.driven && !state.playable.includes(name);
+  button.classList.toggle("absent", absent);
+  button.title = absent ? "The executor has no policy for it now; Learn has the runs that do" : "";
 }
 
 function phase() {
@@ -144,14 +158,14 @@ function showNodes() {
   }));
 }
 
-function element(kind, style, text = "") {
+export function element(kind, style, text = "") {
   const made = document.createElement(kind);
   if (style) made.className = style;
   made.textContent = text;
   return made;
 }
 
-function fill(body, rows) {
+export function fill(body, rows) {
   body.replaceChildren(...rows.map((cells) => {
     const row = element("tr", "");
     row.append(...cells.map((cell) => element("td", "", cell)));
@@ -184,12 +198,13 @@ function choosePanel(name) {
     $(tab.dataset.panel).hidden = tab.dataset.panel !== name;
   }
   if (name === "strokes") look();
+  if (opened[name]) opened[name]();
 }
 
 // -- recorded strokes ----------------------------------------------------------------------------
 
 let rows = [];
-let chosen = [];
+export let chosen = [];
 let sorted = "bag";
 let laid = {};
 const KEYS = {
@@ -264,7 +279,7 @@ function thumbnail(row) {
   return svg;
 }
 
-function drawn(kind, values) {
+export function drawn(kind, values) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
   for (const [name, value] of Object.entries(values)) made.setAttribute(name, value);
   return made;

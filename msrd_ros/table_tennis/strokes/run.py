@@ -18,6 +18,8 @@ from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.training import POLICIES_FILE, StrokeTraining
 
 BOARD_FOLDER = "tensorboard"
+BOARD_PERIOD_S = 1
+"""How long figures wait before they are in the file: who looks on wants to see them."""
 
 
 class StrokeTask(Task):
@@ -75,7 +77,7 @@ class RunTask(StrokeTask):
         super().__init__(training, evaluation_balls)
         self._episodes = episodes
         self._on_policies, self._on_iteration = on_policies, on_iteration
-        self._board = SummaryWriter(str(out / BOARD_FOLDER))
+        self._board = SummaryWriter(str(out / BOARD_FOLDER), flush_secs=BOARD_PERIOD_S)
 
     def close(self) -> None:
         """Let go of TensorBoard's file."""
