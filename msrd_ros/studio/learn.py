@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rclpy.node import Node
 from std_msgs.msg import UInt8MultiArray
 
 from msrd_ros.bags.info import BagInfo, read_info
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
-from msrd_ros.nodes.common import LATCHED, StackNode
+from msrd_ros.nodes.common import LATCHED
 from msrd_ros.nodes.messages import bytes_to_message
 from msrd_ros.recordings.episodes import ROBOT_KEY
 from msrd_ros.recordings.library import BagLibrary
@@ -48,11 +49,14 @@ class LearnConfig:
         As the parameters of the studio say.
     runs
         Folder of the runs.
+    files
+        Parameter files, for the trainer as well.
     """
 
     robot: str
     strategies: str
     runs: Path
+    files: tuple[Path, ...] = ()
 
 
 class Learn:
@@ -79,7 +83,7 @@ class Learn:
 
     def __init__(
         self,
-        node: StackNode,
+        node: Node,
         config: LearnConfig,
         library: Library,
         robot: Robot,
@@ -87,7 +91,7 @@ class Learn:
     ) -> None:
         self._config, self._library, self._robot = config, library, robot
         self._runs = Runs(config.runs)
-        self._training = Training(node)
+        self._training = Training(node, config.files)
         self._curves: dict[str, Curves] = {}
         self._policy = node.create_publisher(UInt8MultiArray, "policy", LATCHED)
         works: Mapping[str, Callable[[Request], tuple[str, dict[str, Any]]]] = {

@@ -19,6 +19,7 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.explain.figure import MOST_STROKES
 from msrd_ros.nodes.common import StackNode, robot_parameter, run, steady_timer
+from msrd_ros.nodes.given_files import given_files
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.studio.control import FASTEST, SLOWEST, Answer, Control
 from msrd_ros.studio.gateway import Browser, Gateway, address
@@ -79,7 +80,8 @@ class Studio(StackNode):
         self._library = Library(Path(config.bags), self._robot)
         self._understanding = Understanding(Path(config.run), self._robot, self._strategies)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="library")
-        learning = LearnConfig(config.robot, config.strategies, Path(config.runs))
+        files = tuple(given_files(self.command_line))
+        learning = LearnConfig(config.robot, config.strategies, Path(config.runs), files)
         self._learn = Learn(self, learning, self._library, self._robot, self._later)
         self._replay: Replay | None = None
         self._feeds_on = False

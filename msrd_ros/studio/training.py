@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.nodes.common import EVENT, StackNode
-from msrd_ros.nodes.given_files import given_files
+from msrd_ros.nodes.common import EVENT
 from msrd_ros.stack.processes import NodeProcess
 from msrd_ros.stack.sets import SETS, NodeCall, RosOptions
 
@@ -28,7 +28,9 @@ class Training:
     Parameters
     ----------
     node
-        Whose graph it is started into.
+        Whose graph and namespace it is started into.
+    files
+        Parameter files that it is given.
 
     Attributes
     ----------
@@ -36,8 +38,8 @@ class Training:
         The folder of the run that is under way, or was last.
     """
 
-    def __init__(self, node: StackNode) -> None:
-        self._node = node
+    def __init__(self, node: Node, files: Sequence[Path] = ()) -> None:
+        self._node, self._files = node, files
         self.run = Path()
         self._process: NodeProcess | None = None
         self._asked_to_end = False
@@ -169,9 +171,9 @@ class Training:
             self._ended = f"{self.run.name} is done: {planned} iterations"
 
     def _options(self, call: NodeCall) -> list[str]:
-        """The studio's own namespace and parameter files are its trainer's, too."""
+        """ROS arguments: the studio's own namespace, and the parameter files."""
         words = RosOptions(self._node.get_namespace().rstrip("/")).words(call.executable)
-        for file in given_files(self._node.command_line):
+        for file in self._files:
             words += ["--params-file", str(file)]
         return words
 

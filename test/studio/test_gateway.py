@@ -67,11 +67,16 @@ def status(url: str, **headers: str) -> int:
         return error.code
 
 
-@pytest.mark.parametrize("path", ["/", "/studio.js", "/studio.css", "/scene/"])
+@pytest.mark.parametrize("path", ["/", "/studio.js", "/learn.js", "/studio.css", "/scene/"])
 def test_our_page_is_served_and_nobody_frames_it(served: Served, path: str) -> None:
     with urllib.request.urlopen(served.url + path, timeout=WAIT_S) as response:
         assert response.headers["Content-Security-Policy"] == "frame-ancestors 'self'"
         assert response.read()
+
+
+@pytest.mark.parametrize("path", ["/other.js", "/studio.py", "/../guard.py", "/page/studio.js"])
+def test_nothing_else_is_served(served: Served, path: str) -> None:
+    assert status(served.url + path) == 404
 
 
 @pytest.mark.parametrize("path", ["/", "/live", "/scene/"])

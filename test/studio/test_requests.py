@@ -49,6 +49,21 @@ def test_a_number_out_of_range_is_refused(value: object) -> None:
         Request({"do": "rate", "rate": value}).within("rate", 0.0, 1.0)
 
 
+def test_a_whole_number_is_whole() -> None:
+    assert Request({"seed": 3.0}).whole("seed", 0, 9) == 3
+    with pytest.raises(UserError, match="give a whole number from 0 to 9"):
+        Request({"seed": 2.5}).whole("seed", 0, 9)
+
+
+def test_a_list_has_as_many_texts_as_are_allowed() -> None:
+    request = Request({"do": "train", "own": [], "bags": ["a", "b"]})
+    assert request.texts("own", 2, fewest=0) == []
+    with pytest.raises(UserError, match="0 of own are chosen; choose 1 to 2"):
+        request.texts("own", 2)
+    with pytest.raises(UserError, match="2 of bags are chosen; choose 1 to 1"):
+        request.texts("bags", 1)
+
+
 def test_choices_are_listed() -> None:
     with pytest.raises(UserError, match="use one of easy, own"):
         Request({"do": "feed", "kind": "hard"}).choice("kind", ("easy", "own"))

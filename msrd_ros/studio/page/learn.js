@@ -66,6 +66,7 @@ function start(event) {
 function began(answer) {
   shown = [answer.run];
   $("run-name").value = "";
+  $("lessons").open = false;
   look();
 }
 
@@ -82,13 +83,17 @@ function hear() {
   $("learning-bar").value = learning.iteration;
   $("learning-said").textContent = account(learning);
   $("learning-said").classList.toggle("bad", learning.failed);
-  $("policy-rule").textContent = state.simulated
-    ? "New policies go to the executor after every fifth iteration; Play has their strategies then."
-    : "No simulator: a real arm's executor takes new policies if its parameter accept_policy lets it.";
+  $("policy-rule").textContent = rule();
   const now = [learning.phase, learning.run, learning.iteration].join(" ");
   if (now === last || $("learn").hidden) return;
   last = now;
   look();
+}
+
+function rule() {
+  if (!state.driven) return "No executor is there to play what is learned.";
+  if (state.simulated) return "The executor gets new policies after every fifth iteration; Play has their strategies then.";
+  return "A real arm: its executor takes new policies only while its parameter accept_policy lets it.";
 }
 
 function account(learning) {
@@ -122,7 +127,7 @@ function list() {
   $("runs").hidden = runs.length === 0;
   const body = $("runs").tBodies[0];
   fill(body, runs.map((run) => [
-    run.name, run.state, run.planned ? `${run.iterations} of ${run.planned}` : "–", strokes(run),
+    run.name, run.state, far(run), strokes(run),
     run.returned.length ? percent(mean(run.returned)) : "–",
   ]));
   [...body.rows].forEach((row, number) => {
@@ -141,6 +146,11 @@ function list() {
   const one = shown.length === 1 && runs.find((run) => run.name === shown[0]);
   $("go-on").disabled = !one || !one.goes_on || state.learning.phase !== "";
   $("play-run").disabled = !one || !one.plays;
+}
+
+function far(run) {
+  const { iteration, planned } = run.state === "running" ? state.learning : { iteration: run.iterations, planned: run.planned };
+  return planned ? `${iteration} of ${planned}` : "–";
 }
 
 function strokes(run) {
@@ -240,7 +250,7 @@ function showRates() {
   fill(table.tHead, [["", ...told.map((run) => run.name)]]);
   const known = [...new Set(told.flatMap((run) => run.labels))];
   fill(table.tBodies[0], [
-    ["iterations", ...told.map((run) => `${run.iterations} of ${run.planned}`)],
+    ["iterations", ...told.map(far)],
     ["strokes taught", ...told.map(strokes)],
     ["seconds", ...told.map((run) => Math.round(run.seconds))],
     ["seed", ...told.map((run) => run.seed)],
