@@ -11,6 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.formats import read_report
+from msrd_ros.learning.harness import RESULT_FILE
 from msrd_ros.nodes.common import EVENT
 from msrd_ros.stack.processes import NodeProcess
 from msrd_ros.stack.sets import SETS, NodeCall, RosOptions
@@ -162,13 +164,19 @@ class Training:
         if process is None or process.exit_status is None or self._ended:
             return
         self._failed = process.exit_status != 0 and not self._asked_to_end
-        iteration, planned = (int(self._progress.get(name, 0)) for name in ("iteration", "of"))
         if self._failed:
             self._ended = process.describe_end()
-        elif self._asked_to_end:
-            self._ended = f"{self.run.name} was stopped after iteration {iteration} of {planned}"
         else:
-            self._ended = f"{self.run.name} is done: {planned} iterations"
+            how = "was stopped" if self._asked_to_end else "is done"
+            self._ended = f"{self.run.name} {how} {self._when_it_ended()}"
+
+    def _when_it_ended(self) -> str:
+        """As its checkpoint says: of the last iteration before a signal nobody is told any more."""
+        try:
+            report = read_report(self.run / RESULT_FILE)
+        except UserError:
+            return "before anything was learned"
+        return f"after iteration {report['iterations']} of {report['config']['iterations']}"
 
     def _options(self, call: NodeCall) -> list[str]:
         """ROS arguments: the studio's own namespace, and the parameter files."""
