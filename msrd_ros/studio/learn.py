@@ -171,6 +171,7 @@ class Learn:
         seed = request.whole("seed", 0, MOST_SEED)
         bags = self._chosen(request)
         folder = link_bags(run, bags)
+        self._curves.pop(run.name, None)  # of a run of that name whose folder was removed
         self._start(run, {"bags": str(folder), "iterations": str(iterations), "seed": str(seed)})
         return f"{run.name} learns from {len(bags)} strokes", {"run": run.name}
 

@@ -98,10 +98,11 @@ class Training:
         if strategies:
             call = call.having(strategies=strategies)
         self.run, self._asked_to_end, self._progress = run, False, {}
-        self._ended, self._failed = "", False
         self._process = NodeProcess(
             call.executable, call.parameters, os.environ, run / LOG_FILE, self._options(call)
         )
+        # Last, as whoever asks meanwhile would take the end of the one before for the end of this one.
+        self._ended, self._failed = "", False
 
     def ask_to_end(self) -> str:
         """Have it end after its iteration, with a checkpoint; what will happen.

@@ -39,6 +39,7 @@ SAID = {
     "respawn": "true",
     "arm": "simulated",
     "run": "some/run",
+    "runs": "some/runs",
     "port": "8090",
     "expose": "true",
     "token": "secret",

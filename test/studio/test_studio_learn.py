@@ -193,13 +193,19 @@ def test_studio_learn_does_not_double_a_trainer_from_elsewhere(
     expect(page.locator("#start-training")).to_be_enabled()
 
 
-def test_studio_learn_ends_in_order_with_the_studio(stack: Stack, bags: Path, tmp_path: Path) -> None:
+def test_studio_learn_ends_in_order_with_the_studio(
+    page: Page, stack: Stack, bags: Path, tmp_path: Path
+) -> None:
     studio = start_page(stack, bags=str(bags), runs=str(tmp_path))
-    with open_page(wait_for_page(stack, studio)) as page:
-        choose(page, 1000, name="cut")
-        wait_for_phase(page, "cut: iteration")
-        seen = iteration(page)
-        assert studio.stop() == 0, studio.output
+    browser = page.context.browser
+    assert browser is not None
+    other = browser.new_page()
+    other.goto(wait_for_page(stack, studio))
+    choose(other, 1000, name="cut")
+    wait_for_phase(other, "cut: iteration")
+    seen = iteration(other)
+    assert studio.stop() == 0, studio.output
+    other.close()
     assert int(str(result(tmp_path, "cut")["iterations"])) >= seen
     assert (tmp_path / "cut" / "checkpoint.safetensors").is_file()
     stack.wait_until(lambda: not stack.node.count_publishers("training/progress"), "end of the trainer")

@@ -431,7 +431,7 @@ function stopOnSpace(event) {
   ask("stop");
 }
 window.addEventListener("keydown", stopOnSpace, true);
-$("scene").addEventListener("load", () => {
+function settleScene() {
   $("scene").contentWindow.addEventListener("keydown", stopOnSpace, true);
   // What the scene's own page says of itself, ours says beside it.
   const hidden = document.createElement("style");
@@ -439,5 +439,9 @@ $("scene").addEventListener("load", () => {
   $("scene").contentDocument.head.append(hidden);
   // The scene connects while it has the focus.
   $("scene").contentWindow.focus();
-});
+}
+$("scene").addEventListener("load", settleScene);
+// It may have been there before this file was.
+const scene = $("scene").contentDocument;
+if (scene.URL !== "about:blank" && scene.readyState === "complete") settleScene();
 connect();
