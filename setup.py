@@ -54,7 +54,7 @@ SIMULATION = [
     "scipy>=1.11.4",
     "tensorboard>=2.15",
 ]
-STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.1.6"]
+STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.2.7"]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
 # Not gymnasium's own extra: before 1.2.3 it compiles Box2D. Without pygame none of its worlds loads.

@@ -11,6 +11,7 @@ AGREE_RAD = 0.02
 """Postures of an arm at rest differ by less."""
 AGREE_S = 0.1
 """For so long they have to."""
+_ROUNDING_S = 1e-9
 GAP_S = 0.2
 """Measurements further apart do not follow one another."""
 
@@ -36,7 +37,7 @@ class RestFinder:
         self._last_s = now_s
         if self._first is None or not follows or np.abs(position - self._first[0]).max() > AGREE_RAD:
             self._first = position.copy(), now_s
-        return now_s - self._first[1] >= AGREE_S
+        return now_s - self._first[1] >= AGREE_S - _ROUNDING_S
 
     def forget(self) -> None:
         """Begin anew: something that was measured cannot be."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import aiohttp
 import pytest
+from viser import __version__ as viser_version
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.studio.gateway import Browser, Gateway, address
@@ -19,6 +20,8 @@ from msrd_ros.studio.private_viser import PrivateViser
 from studio_stack import free_port
 
 WAIT_S = 10.0
+CLIENT = f"viser-v{viser_version}"
+"""Subprotocol of the scene's own client."""
 
 
 class Served:
@@ -107,7 +110,7 @@ def test_there_is_no_way_round_to_the_scene(viser: PrivateViser) -> None:
     async def work() -> int:
         async with aiohttp.ClientSession() as session:
             try:
-                await session.ws_connect(f"http://{viser.address}/", protocols=["viser-v1.1.1"])
+                await session.ws_connect(f"http://{viser.address}/", protocols=[CLIENT])
             except aiohttp.WSServerHandshakeError as error:
                 return error.status
         return 101
@@ -151,7 +154,7 @@ def test_the_scene_passes_through(served: Served) -> None:
     async def work() -> Any:
         async with aiohttp.ClientSession() as session:
             async with session.ws_connect(
-                f"{served.url}/scene/", origin=served.url, protocols=["viser-v1.1.1"]
+                f"{served.url}/scene/", origin=served.url, protocols=[CLIENT]
             ) as scene:
                 return (await scene.receive()).type
 

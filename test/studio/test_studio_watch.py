@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from PIL import Image
 from playwright.sync_api import Page, expect
 
-from browser import browser_path, open_page
+from browser import PATIENCE_S, browser_path, open_page
 from msrd_ros.core.resources import shipped_bags
+from scene_pictures import share_of_blue, share_of_red, shown
 from stack import START_TIMEOUT_S, Stack
 from studio_stack import start_studio
 
@@ -31,39 +29,22 @@ def page(shared_stack: Stack) -> Iterator[Page]:
         yield one
 
 
-def picture(page: Page) -> NDArray[np.int64]:
-    """The scene as it is drawn, (height, width, 3)."""
-    # Not of the element: that waits until two frames are alike in place, which takes long in software.
-    box = page.locator("#scene").bounding_box()
-    assert box is not None
-    drawn = page.screenshot(clip=box)
-    return np.asarray(Image.open(io.BytesIO(drawn)).convert("RGB"), np.int64)
-
-
-def share_of_blue(drawn: NDArray[np.int64]) -> float:
-    red, green, blue = np.moveaxis(drawn, 2, 0)
-    return float(((blue > red + 60) & (blue > green + 30)).mean())
-
-
 def test_studio_watch_draws_table_and_arm(page: Page) -> None:
     deadline_s = time.monotonic() + SEEN_S
-    while (share := share_of_blue(picture(page))) < 0.01 and time.monotonic() < deadline_s:
+    while (share := share_of_blue(shown(page))) < 0.01 and time.monotonic() < deadline_s:
         page.wait_for_timeout(200)
     assert share > 0.01
-    # Sawyer is red.
-    drawn = picture(page)
-    red = (drawn[..., 0] > 100) & (drawn[..., 1] < 70) & (drawn[..., 2] < 80)
-    assert red.mean() > 0.003
+    assert share_of_red(shown(page)) > 0.003
 
 
 def test_studio_watch_tells_strategy_verdict_and_rates(page: Page) -> None:
     page.get_by_role("button", name="forehand-push", exact=True).click()
     expect(page.locator("#strategy")).to_have_text("forehand-push")
-    before = picture(page)
+    before = shown(page)
     page.get_by_role("button", name="Feed a ball").click()
     expect(page.locator("#phase")).to_have_text("plays")
     page.wait_for_timeout(600)
-    assert (np.abs(picture(page) - before).sum(axis=2) > 60).mean() > 0.001
+    assert (np.abs(shown(page) - before).sum(axis=2) > 60).mean() > 0.001
     expect(page.locator("#verdict")).to_contain_text("returned at")
     row = page.locator("#rates tbody tr").filter(has_text="forehand-push")
     expect(row).to_contain_text("100 %")
@@ -124,7 +105,7 @@ def test_studio_watch_scrubs_through_a_recorded_stroke(page: Page) -> None:
         page.locator("#scrubber").fill(place)
         expect(page.locator("#scrub-shown")).to_contain_text(f"{float(place):.2f} of")
         page.wait_for_timeout(700)
-        drawn.append(picture(page))
+        drawn.append(shown(page))
     assert (np.abs(drawn[1] - drawn[0]).sum(axis=2) > 60).mean() > 0.002
     page.get_by_role("button", name="Back to live").click()
     expect(page.locator("#scrub")).to_be_hidden()
@@ -134,6 +115,7 @@ def test_studio_watch_scrubs_through_a_recorded_stroke(page: Page) -> None:
 def test_studio_watch_shows_the_same_to_several_browsers(page: Page) -> None:
     assert page.context.browser is not None
     other = page.context.browser.new_page(viewport={"width": 800, "height": 600})
+    other.set_default_timeout(1000 * PATIENCE_S)
     other.goto(page.url)
     page.get_by_role("button", name="backhand-slice", exact=True).click()
     expect(other.locator("#strategy")).to_have_text("backhand-slice")
