@@ -283,7 +283,9 @@ def _studio(values: Values) -> tuple[Stage, ...]:
     executor = NodeCall("executor", {**robot, **values.pick(mode="mode"), **played, "seed": values["seed"]})
     if has_driver:
         executor = executor.having(enabled=False)
-    page = values.pick(mode="mode", bags="bags", run="run", port="port", expose="expose", token="token", seed="seed")
+    page = values.pick(
+        mode="mode", bags="bags", run="run", port="port", expose="expose", token="token", seed="seed"
+    )
     return (
         Stage(
             "studio",

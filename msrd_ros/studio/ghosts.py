@@ -103,10 +103,10 @@ class Ghosts:
         return [*self._paddles.values(), *self._labels.values(), *self._lines.values(), self._landing]
 
 
-def _paddle() -> trimesh.Trimesh:
+def _paddle() -> Any:
     """Blade and handle in the paddle's frame: the blade's centre, y its normal, z away from the handle."""
-    blade = trimesh.creation.cylinder(BLADE_RADIUS_M, BLADE_THICKNESS_M)
-    blade.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1.0, 0.0, 0.0]))
+    upright = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    blade = trimesh.creation.cylinder(BLADE_RADIUS_M, BLADE_THICKNESS_M, transform=upright)
     handle = trimesh.creation.box(_HANDLE_M)
     handle.apply_translation([0.0, 0.0, -BLADE_RADIUS_M - _HANDLE_M[2] / 2 + 0.01])
     return trimesh.util.concatenate([blade, handle])

@@ -96,7 +96,8 @@ class DraggedStroke:
     @property
     def ready_posture(self) -> Array:
         """Joint angles (N,) in rad of the wind-up."""
-        return self._plan.states.position[0]
+        posture: Array = self._plan.states.position[0]
+        return posture
 
     @property
     def holds(self) -> bool:

@@ -84,6 +84,7 @@ class Teaching:
             "teach_label": lambda request, answer: later(
                 answer, lambda: (keeping.label(request.text("label")), {})
             ),
+            "teach_stop": self._do_stop,
             "teach_enable": self._do_enable,
             "leave": lambda request, _: self.forget(request.browser),
         }
@@ -198,6 +199,10 @@ class Teaching:
     def _do_release(self, request: Request, _: Answer) -> None:
         if self._guided is not None and self._leading.leader == request.browser:
             self._guided.release()
+
+    def _do_stop(self, _: Request, answer: Answer) -> None:
+        self._leading.stop("the hand has let go")
+        answer(True, "the hand lets go; the arm comes to rest")
 
     def _do_enable(self, request: Request, answer: Answer) -> None:
         self._leading.arm(request.browser)

@@ -1,13 +1,14 @@
 // The page beside the scene: shows what the studio tells, asks for what is pressed.
 
 const RATES = [0.05, 0.1, 0.25, 0.5, 1, 0];
-const $ = (id) => document.getElementById(id);
+export const $ = (id) => document.getElementById(id);
 
 let socket = null;
 let state = {};
 let kind = "standard";
 let scrubbing = false;
 let asked = 0;
+export let me = 0;
 const waiting = new Map();
 
 // -- the connection ------------------------------------------------------------------------------
@@ -18,6 +19,7 @@ function connect() {
   socket.onmessage = (event) => {
     const message = JSON.parse(event.data);
     if (message.type === "state") show(message);
+    else if (message.type === "hello") me = message.browser;
     else hear(message);
   };
   socket.onclose = () => {
@@ -27,7 +29,7 @@ function connect() {
   };
 }
 
-function ask(verb, values = {}, then = null) {
+export function ask(verb, values = {}, then = null) {
   if (socket.readyState !== WebSocket.OPEN) return say("not sent: the studio does not answer", false);
   const id = ++asked;
   if (then) waiting.set(id, then);
@@ -64,6 +66,7 @@ function show(news) {
   showTime();
   showRates();
   showNodes();
+  window.dispatchEvent(new CustomEvent("studio-state", { detail: state }));
   for (const button of $("strategies").children)
     button.classList.toggle("chosen", button.dataset.name === state.wanted);
   $("feed-on").classList.toggle("chosen", state.feeds_on);
@@ -144,7 +147,7 @@ function showNodes() {
   }));
 }
 
-function element(kind, style, text = "") {
+export function element(kind, style, text = "") {
   const made = document.createElement(kind);
   if (style) made.className = style;
   made.textContent = text;
@@ -184,6 +187,7 @@ function choosePanel(name) {
     $(tab.dataset.panel).hidden = tab.dataset.panel !== name;
   }
   if (name === "strokes") look();
+  window.dispatchEvent(new CustomEvent("studio-panel", { detail: name }));
 }
 
 // -- recorded strokes ----------------------------------------------------------------------------
@@ -264,7 +268,7 @@ function thumbnail(row) {
   return svg;
 }
 
-function drawn(kind, values) {
+export function drawn(kind, values) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
   for (const [name, value] of Object.entries(values)) made.setAttribute(name, value);
   return made;
