@@ -89,7 +89,7 @@ class Ghosts:
         if len(points) > 1:
             rows = points[np.linspace(0, len(points) - 1, _POINTS + 1).round().astype(int)].astype(np.float32)
             line.points = np.stack([rows[:-1], rows[1:]], axis=1)
-            line.colors = np.broadcast_to(np.array(colour, np.uint8), (_POINTS, 2, 3))
+            line.colors = np.tile(np.array(colour, np.uint8), (_POINTS, 2, 1))
 
     def _show_landing(self, plan: SketchPlan, colour: tuple[int, int, int]) -> None:
         outcome = plan.prediction.outcome

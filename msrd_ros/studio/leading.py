@@ -25,6 +25,8 @@ from msrd_ros.table_tennis.ball.feeder import Feed
 LOOK_PERIOD_S = 0.05
 PATIENCE_S = 30.0
 """What has not come about by then is given up: rest, a service's answer, the way to the ready pose."""
+GONE_S = 10.0
+"""A simulator of which nothing is heard for so long is gone; on a busy machine it speaks late."""
 FULL_SPEED = 1.0
 RECORDER = "recorder"
 NO_NOTE = Parameter("note", Parameter.Type.STRING, "")
@@ -109,6 +111,7 @@ class Leading:
         self._was_enabled = False
         self._rate_before: float | None = None
         self._rate = 0.0
+        self._simulated_s = -GONE_S
         self._asks_teach = False
         self._recorder = AsyncParameterClient(node, RECORDER)
         self._teach = node.create_client(SetBool, "simulator/teach")
@@ -118,8 +121,8 @@ class Leading:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether a simulator moves the arm."""
-        return self._watch.is_alive("simulator")
+        """Whether a simulator moves the arm, or did a moment ago."""
+        return time.monotonic() - self._simulated_s < GONE_S
 
     def is_armed(self, browser: int) -> bool:
         """Whether a page may lead: a simulated arm any, a real one only the page that has been told so."""
@@ -224,6 +227,8 @@ class Leading:
 
     def _look(self) -> None:
         """Go on as soon as what is waited for is there."""
+        if self._watch.is_alive("simulator"):
+            self._simulated_s = time.monotonic()
         if self.turn is not Turn.FREE:
             self._pace(self._task.rate if self._task is not None and self.leads else FULL_SPEED)
         if self.turn is Turn.TAKING:

@@ -25,7 +25,7 @@ from msrd_ros.table_tennis.teachers.sketch_plan import SketchPlan, plan_sketch
 Array = NDArray[np.float64]
 
 _REACH_M = 3.5
-_POINTS = 40
+_POINTS = 80
 """Of a path that is told to a page."""
 _SNAP_S = 0.15
 """So far the contact is shifted in time to where the ball comes nearest to the ghost."""
