@@ -20,9 +20,14 @@ Array = NDArray[np.float64]
 
 SILENCE_S = 0.5
 """A page that has not told of its pointer for so long has let go of the paddle."""
-HASTE_1_S = 15.0
+HASTE_1_S = 30.0
 """How eagerly the hand follows the pointer."""
-FASTEST_M_S, HARDEST_M_S2 = 2.0, 25.0
+FASTEST_M_S, HARDEST_M_S2 = 2.5, 40.0
+AHEAD_S = 0.05
+"""By so much the pacer goes ahead of the paddle: hand and arm come after the pointer."""
+LONGEST_TICK_S = 0.02
+_FLIES_M = 0.02
+_BLINK_S = 1e-3
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -89,7 +94,8 @@ class DraggedStroke:
         self._place = self._velocity = np.zeros(2)
         self._time_s = 0.0
         self._holds = False
-        self.ball: Array | None = None
+        self._ball: Array | None = None
+        self._launched_s: float | None = None
         self.beyond: list[Violation] = []
         self.grips = 0
 
@@ -124,13 +130,16 @@ class DraggedStroke:
         return self.plane.inside(paddle_pose(self._robot.model, self._joints)[0])
 
     def see(self, stamp_s: float, position: Array) -> None:
-        """Take in where the ball is, for the picture."""
-        self.ball = position
+        """Take in where the ball is; from the moment it flies the pacer goes."""
+        before, self._ball = self._ball, position
+        flies = before is not None and float(np.linalg.norm(position - before)) > _FLIES_M
+        if self._launched_s is None and flies:
+            self._launched_s = stamp_s
 
     def hand_at(self, time_s: float, joint_position: Array) -> HandGesture | None:
         """Where the hand is now; None while it does not hold the paddle."""
         self._joints = joint_position
-        period_s, self._time_s = min(max(time_s - self._time_s, 0.0), 0.02), time_s
+        period_s, self._time_s = min(max(time_s - self._time_s, 0.0), LONGEST_TICK_S), time_s
         if not self.holds:
             self.release()
             self._holds = False
@@ -144,13 +153,27 @@ class DraggedStroke:
         self._velocity = self._velocity + change * min(1.0, most / max(float(np.linalg.norm(change)), 1e-9))
         self._place = self._place + period_s * self._velocity
         position, rotation = self.plane.pose(self._place)
-        velocity = self._velocity[0] * self.plane.along + self._velocity[1] * _UP
-        return HandGesture.now(position, quaternion_from_rotation(rotation), velocity)
+        next_position, next_rotation = self.plane.pose(self._place + _BLINK_S * self._velocity)
+        return HandGesture.now(
+            position,
+            quaternion_from_rotation(rotation),
+            (next_position - position) / _BLINK_S,
+            turn_between(rotation, next_rotation) / _BLINK_S,
+        )
+
+    @property
+    def _pacer(self) -> Array:
+        """Where the sketched stroke would be about now, (2,) in the plane."""
+        paddle = self._plan.paddle
+        since_s = 0.0 if self._launched_s is None else self._time_s - self._launched_s + AHEAD_S
+        row = min(max(round(since_s / PLAN_PERIOD_S), 0), len(paddle) - 1)
+        return self.plane.inside(paddle[row, :3])
 
     def told(self) -> dict[str, Any]:
         """Where paddle and ball are in the plane, and what is out of reach, as JSON has it."""
-        ball = None if self.ball is None else self.plane.inside(self.ball)
+        ball = None if self._ball is None else self.plane.inside(self._ball)
         return {
+            "pacer": _rounded(self._pacer),
             "paddle": _rounded(self._here),
             "ball": None if ball is None else _rounded(ball),
             "holds": self.holds,

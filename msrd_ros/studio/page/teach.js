@@ -155,6 +155,8 @@ function drawGuide() {
       const [x, y] = toView(view, ...guided.ball, GUIDE_MIDDLE);
       parts.push(drawn("circle", { cx: x, cy: y, r: 5, fill: "#e07b00", id: "teach-ball" }));
     }
+    const [p, q] = toView(view, ...guided.pacer, GUIDE_MIDDLE);
+    parts.push(drawn("circle", { cx: p, cy: q, r: 10, fill: "#16794a", opacity: 0.3, id: "teach-pacer" }));
     const [x, y] = toView(view, ...guided.paddle, GUIDE_MIDDLE);
     parts.push(drawn("rect", { x: x - 4, y: y - 16, width: 8, height: 32, rx: 3, fill: colour, id: "teach-paddle" }));
     if (hand) {
@@ -288,7 +290,7 @@ function showLead(sketch) {
 function guideHint() {
   if (!teach.guided || teach.leader !== me) return "";
   if (!teach.leads) return teach.turn;
-  return hand ? "you lead" : "take the green paddle and drag it through the ball";
+  return hand ? "you lead: keep on the green disc, through the ball" : "take the green paddle and drag it through the ball";
 }
 
 function showStrokes() {
