@@ -351,7 +351,8 @@ for (const id of ["teach-contact", "teach-swing", "teach-follow"]) {
   const seconds = (one) => Number($(`teach-${one}`).value);
   $(id).oninput = () => {
     sliding = true;
-    soon(() => ask("teach_time", { contact: seconds("contact"), swing: seconds("swing"), follow: seconds("follow") }));
+    const times = { contact: seconds("contact"), swing: seconds("swing"), follow: seconds("follow") };
+    soon(() => ask("teach_time", times));
   };
   $(id).onchange = () => { sliding = false; };
 }
