@@ -6,8 +6,8 @@ import time
 
 from playwright.sync_api import Page, expect
 
-_CENTRE = """id => {
-    const found = document.getElementById(id);
+_CENTRE = """selector => {
+    const found = document.querySelector(selector);
     if (!found) return null;
     const box = found.getBoundingClientRect();
     return [box.x + box.width / 2, box.y + box.height / 2];
@@ -29,9 +29,9 @@ def begin_sketch(page: Page, name: str) -> None:
 
 def drag_ghost(page: Page, moment: str, right_px: float, up_px: float) -> None:
     """Drag a ghost in the view from the side."""
-    box = page.locator(f"#teach-side-view g[data-moment={moment}] .grip").bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    place = centre(page, f"#teach-side-view g[data-moment={moment}] .grip")
+    assert place is not None
+    x, y = place
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + right_px / 2, y - up_px / 2, steps=4)
@@ -39,9 +39,9 @@ def drag_ghost(page: Page, moment: str, right_px: float, up_px: float) -> None:
     page.mouse.up()
 
 
-def centre(page: Page, element: str) -> tuple[float, float] | None:
+def centre(page: Page, selector: str) -> tuple[float, float] | None:
     """Where something of the drawing is now, in pixels of the page; None while it is not there."""
-    found = page.evaluate(_CENTRE, element)
+    found = page.evaluate(_CENTRE, selector)
     return None if found is None else (found[0], found[1])
 
 
@@ -50,7 +50,7 @@ def take_paddle(page: Page) -> None:
     page.locator("#teach-modes").get_by_role("button", name="Guide").click()
     page.get_by_role("button", name="Let me guide").click()
     expect(page.locator("#teach-turn")).to_contain_text("take the green paddle", timeout=1000 * LED_S)
-    paddle = centre(page, "teach-paddle")
+    paddle = centre(page, "#teach-paddle")
     assert paddle is not None
     page.mouse.move(*paddle)
     page.mouse.down()
@@ -62,7 +62,7 @@ def follow_pacer(page: Page, verdict: str) -> None:
     deadline_s = time.monotonic() + LED_S
     while not page.locator("#teach-verdict").inner_text().startswith(verdict):
         assert time.monotonic() < deadline_s, page.locator("#teach-turn").inner_text()
-        place = centre(page, "teach-pacer")
+        place = centre(page, "#teach-pacer")
         if place is not None:
             page.mouse.move(*place)
         page.wait_for_timeout(30)

@@ -14,6 +14,7 @@ let mode = "sketch";
 let again = null; // asks for the same once more
 let settled = 0; // the last stroke that was kept, discarded or labelled
 let drag = null; // of a ghost: which, in which view, where, and turns that are not sent yet
+let dragged = null; // the view that it is dragged in
 let hand = null; // of the paddle itself: offset from the pointer, and where it is wanted
 let sliding = false;
 
@@ -53,8 +54,14 @@ function placeOf(moment) {
   return teach.sketch.ghosts[moment].position;
 }
 
+const drawings = new Map();
+
 function drawSketch(view) {
   const sketch = teach.sketch;
+  // What is drawn already stays, under the pointer, too.
+  const drawing = JSON.stringify([sketch, drag, middle]);
+  if (drawings.get(view) === drawing) return;
+  drawings.set(view, drawing);
   const bad = sketch.violations.length > 0;
   const parts = [
     line(view, flat(view, sketch.paddle_path), bad ? "#b3261e" : "#12569c", { "stroke-dasharray": "4 3", opacity: 0.7 }),
@@ -105,13 +112,14 @@ function takeGhost(view, moment, event, turns) {
   event.preventDefault();
   const position = [...placeOf(moment)];
   const [u, v] = fromView(view, event);
-  drag = { view, moment, turns, position, offset: [position[view.right] - u, position[view.up] - v], turn: 0, changed: false,
+  drag = { moment, turns, position, offset: [position[view.right] - u, position[view.up] - v], turn: 0, changed: false,
     angle: Math.atan2(v - position[view.up], u - position[view.right]) };
+  dragged = view;
   view.svg.setPointerCapture(event.pointerId);
 }
 
 function moveGhost(event) {
-  const { view, position } = drag;
+  const [view, position] = [dragged, drag.position];
   const [u, v] = fromView(view, event);
   if (drag.turns) {
     const angle = Math.atan2(v - position[view.up], u - position[view.right]);
@@ -129,7 +137,7 @@ function moveGhost(event) {
 function sendGhost() {
   if (!drag || !drag.changed) return;
   const [x, y, z] = drag.position;
-  const turn = { turn_y: 0, turn_z: 0, [drag.view.turn]: drag.view.sign * drag.turn };
+  const turn = { turn_y: 0, turn_z: 0, [dragged.turn]: dragged.sign * drag.turn };
   ask("teach_move", { moment: drag.moment, x, y, z, ...turn });
   drag.turn = 0;
   drag.changed = false;
@@ -142,6 +150,7 @@ const GUIDE_MIDDLE = [0, 0];
 function drawGuide() {
   const view = SIDE;
   const { guide, guided } = teach;
+  drawings.clear();
   const parts = [text(6, 14, "in the plane of the stroke"), line(view, guide.ball_path, "#e07b00", {}, GUIDE_MIDDLE)];
   for (const moment of MOMENTS) {
     const [x, y] = toView(view, ...guide.ghosts[moment], GUIDE_MIDDLE);
@@ -199,7 +208,7 @@ function soon(send) {
 for (const view of [SIDE, TOP]) {
   view.svg.addEventListener("pointerdown", (event) => { if (view === SIDE && mode === "guide") takePaddle(event); });
   view.svg.addEventListener("pointermove", (event) => {
-    if (drag && drag.view === view) {
+    if (drag && dragged === view) {
       moveGhost(event);
       soon(sendGhost);
     } else if (hand && view === SIDE) {
