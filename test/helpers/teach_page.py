@@ -6,6 +6,8 @@ import time
 
 from playwright.sync_api import Page, expect
 
+from browser import PATIENCE_S
+
 _CENTRE = """selector => {
     const found = document.querySelector(selector);
     if (!found) return null;
@@ -25,6 +27,18 @@ def begin_sketch(page: Page, name: str) -> None:
     page.get_by_role("button", name="Begin").click()
     expect(page.locator("#said")).to_contain_text(f"{name}: a stroke to begin with", timeout=1000 * SKETCH_S)
     expect(page.locator("#teach-foretold")).to_contain_text("Foretold: returned")
+
+
+def open_another(page: Page, name: str) -> Page:
+    """A second browser at the same studio, at Teach; without the scene, which is drawn in software here."""
+    assert page.context.browser is not None
+    other = page.context.browser.new_page()
+    other.route("**/scene/**", lambda route: route.abort())
+    other.set_default_timeout(1000 * PATIENCE_S)
+    other.goto(page.url)
+    other.get_by_role("tab", name="Teach").click()
+    other.locator("#teach-name").fill(name)
+    return other
 
 
 def drag_ghost(page: Page, moment: str, right_px: float, up_px: float) -> None:

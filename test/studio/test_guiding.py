@@ -47,7 +47,7 @@ def test_a_silent_page_has_let_go(plan: SketchPlan, monkeypatch: pytest.MonkeyPa
     stroke = DraggedStroke(ROBOT, plan)
     stroke.drag(*stroke.plane.inside(plan.sketch.wind_up.position))
     later_s = time.monotonic() + guiding.SILENCE_S + 0.01
-    monkeypatch.setattr(guiding.time, "monotonic", lambda: later_s)
+    monkeypatch.setattr(time, "monotonic", lambda: later_s)
     assert not stroke.holds
     assert stroke.hand_at(1.0, stroke.ready_posture) is None
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from browser import browser_path, open_page
 from msrd_ros.bags.info import read_info
@@ -19,8 +18,16 @@ from msrd_ros.nodes.common import COMMAND, STATE
 from msrd_ros.recordings.episodes import read_episodes
 from sawyer import ROBOT, SPEED_LIMIT_RAD_S
 from stack import START_TIMEOUT_S, Stack
-from studio_stack import start_page, start_studio, wait_for_page
-from teach_page import LED_S, begin_sketch, drag_ghost, follow_pacer, take_paddle, wait_until_free
+from studio_stack import start_studio
+from teach_page import (
+    LED_S,
+    begin_sketch,
+    drag_ghost,
+    follow_pacer,
+    open_another,
+    take_paddle,
+    wait_until_free,
+)
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(580)]
 
@@ -65,7 +72,8 @@ def _require_within_limits(bag: Path, label: str) -> None:
 
 
 def test_studio_teach_shows_in_red_what_the_arm_cannot_do(sketched: Page, shared_stack: Stack) -> None:
-    page, heard = sketched, []
+    page = sketched
+    heard: list[JointState] = []
     subscription = shared_stack.node.create_subscription(JointState, "joint_states", heard.append, STATE)
     page.locator("#teach-swing").fill("0.15")
     wrong = page.locator("#teach-violations li")
@@ -87,7 +95,7 @@ def test_studio_teach_shows_in_red_what_the_arm_cannot_do(sketched: Page, shared
 def test_studio_teach_foretells_where_the_ball_lands(sketched: Page) -> None:
     page = sketched
     before = page.locator("#teach-foretold").inner_text()
-    drag_ghost(page, "follow-through", 8.0, 8.0)
+    drag_ghost(page, "follow-through", -6.0, -6.0)
     expect(page.locator("#teach-foretold")).not_to_have_text(before)
     expect(page.locator("#teach-foretold")).to_contain_text("Foretold:")
 
@@ -152,14 +160,10 @@ def test_studio_teach_guides_the_paddle_through_the_ball(sketched: Page, bags: P
 
 def test_studio_teach_lets_one_browser_lead_at_a_time(sketched: Page) -> None:
     page = sketched
-    assert page.context.browser is not None
-    other = page.context.browser.new_page()
-    other.goto(page.url)
-    other.get_by_role("tab", name="Teach").click()
+    other = open_another(page, NAME)
     expect(other.get_by_role("button", name="Lead it")).to_be_enabled()
-    other.locator("#teach-name").fill(NAME)
     page.get_by_role("button", name="Lead it").click()
-    expect(other.locator("#teach-turn")).to_contain_text("leads")
+    expect(other.locator("#teach-turn")).to_contain_text("browser 1 leads")
     expect(other.get_by_role("button", name="Lead it")).to_be_disabled()
     # Who presses nonetheless is told.
     other.evaluate("document.getElementById('teach-lead').disabled = false")
@@ -172,11 +176,7 @@ def test_studio_teach_lets_one_browser_lead_at_a_time(sketched: Page) -> None:
 def test_studio_teach_lets_go_when_the_browser_vanishes_in_a_drag(
     sketched: Page, shared_stack: Stack
 ) -> None:
-    assert sketched.context.browser is not None
-    page = sketched.context.browser.new_page()
-    page.goto(sketched.url)
-    page.get_by_role("tab", name="Teach").click()
-    page.locator("#teach-name").fill(NAME)
+    page = open_another(sketched, NAME)
     hands: list[MultiDOFJointTrajectory] = []
     node = shared_stack.node
     subscription = node.create_subscription(MultiDOFJointTrajectory, "teach/hand", hands.append, COMMAND)
@@ -203,39 +203,3 @@ def test_studio_teach_stop_takes_the_hand_off(sketched: Page) -> None:
     expect(page.get_by_role("button", name="Let the arm move")).to_be_visible()
     page.get_by_role("button", name="Let the arm move").click()
     expect(page.get_by_role("button", name="Stop the arm")).to_be_visible()
-
-
-class RealArm:
-    """What the driver of a real arm offers and hears beside its joint states."""
-
-    def __init__(self, stack: Stack) -> None:
-        self.asked: list[bool] = []
-        self.commands: list[object] = []
-        node = stack.node
-        node.create_service(SetBool, "simulator/teach", self._on_teach)
-        node.create_subscription(JointTrajectory, "joint_command", self.commands.append, COMMAND)
-        node.create_subscription(MultiDOFJointTrajectory, "teach/hand", self.commands.append, COMMAND)
-
-    def _on_teach(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.asked.append(request.data)
-        response.success = True
-        return response
-
-
-def test_studio_teach_leads_a_real_arm_only_where_it_was_enabled(stack: Stack, tmp_path: Path) -> None:
-    browser_path()
-    arm = RealArm(stack)
-    stack.start("recorder", directory=tmp_path)
-    address = wait_for_page(stack, start_page(stack, mode="real_time", bags=tmp_path))
-    with open_page(address) as page:
-        begin_sketch(page, NAME)
-        stack.wait_until(lambda: "recorder" in stack.diagnostics, "recorder")
-        page.get_by_role("button", name="Lead it").click()
-        expect(page.locator("#said.bad")).to_contain_text("may be a real arm; press Enable leading first")
-        assert (arm.asked, arm.commands) == ([], [])
-        page.get_by_role("button", name="Enable leading a real arm").click()
-        expect(page.locator("#said")).to_contain_text("this page may lead the arm now")
-        assert (arm.asked, arm.commands) == ([], [])
-        page.get_by_role("button", name="Lead it").click()
-        stack.wait_until(lambda: arm.asked, "the arm to be taken")
-        assert arm.asked[0] is False
