@@ -19,6 +19,8 @@ VERSION = 9
 FORMAT_KEY = "msrd_ros_format"
 STROKE_FORMAT = 1
 """What a stroke's bag says of itself in `custom_data`; one that says nothing is of the first, or foreign."""
+NOTE_KEY = "note"
+"""What was said of a stroke when it was recorded, such as how it came about."""
 ROS_DISTRO = "jazzy"
 
 _LAYOUT = re.compile(r"(?P<label>[^_]+)_(?P<number>\d{3,})")

@@ -43,12 +43,16 @@ class CommandOutput:
     """
 
     def __init__(self, node: Node, robot: Robot, lockstep: bool, now_s: Callable[[], float]) -> None:
-        self._robot, self._lockstep, self._now_s = robot, lockstep, now_s
+        self._node, self._robot, self._lockstep, self._now_s = node, robot, lockstep, now_s
         self._gate = CommandGate(robot)
         self._publisher = node.create_publisher(JointTrajectory, "joint_command", COMMAND)
         self._message: JointTrajectory | None = None
         self.sent = 0
         self.sent_s = -np.inf
+
+    def close(self) -> None:
+        """Publish no more, so that somebody else may."""
+        self._node.destroy_publisher(self._publisher)
 
     @property
     def last(self) -> JointReference | None:

@@ -88,7 +88,13 @@ class Executor(ManagedNode):
 
     In real time the arm is braked at once when an input falls silent or cannot be relied on, and nothing is
     sent any more once it rests. Inactive is as not enabled, except that in real time an arm that has never
-    been commanded is left alone.
+    been commanded is left alone. In lockstep, where every tick is answered, an executor that is not enabled
+    leaves the answers of an arm at rest to whoever else commands it, and is not enabled before they are gone.
+
+    Attributes
+    ----------
+    gives_way
+        Whether it does so now.
     """
 
     config: ExecutorConfig
@@ -112,6 +118,7 @@ class Executor(ManagedNode):
         self._rest = RestFinder()
         self._heard_s = self._distrusted_s = -np.inf
         self._answered = True
+        self.gives_way = self._gave_way = False
         self._counts = {"swaps": 0, "stops": 0, "refused": 0}
         if self.config.checkpoint:
             self._exchange.arriving = StrokePolicies.load(Path(self.config.checkpoint), self._robot)
@@ -145,6 +152,7 @@ class Executor(ManagedNode):
         policies = self._exchange.policies
         return phase, {
             "enabled": self.config.enabled,
+            "gives_way": self.gives_way,
             "strategy": self._exchange.strategy or "",
             "policies": self._exchange.digest,
             "commands": self._output.sent,
@@ -192,6 +200,10 @@ class Executor(ManagedNode):
             self._refuse(error)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if request.data and self.gives_way:
+            response.success = False
+            response.message = f"{', '.join(self._alone.others)} commands the arm; wait until that is over"
+            return response
         self.change("enabled", request.data)
         response.success = True
         response.message = "enabled" if request.data else "holding still"
@@ -203,7 +215,7 @@ class Executor(ManagedNode):
         now_s = self._now_s()
         silent_s, self._heard_s = now_s - self._heard_s, now_s
         self._answered = False
-        if self._alone.is_doubtful:
+        if self._alone.is_doubtful or self._leaves_it_to_others():
             return
         if not self._lockstep:
             early = 0 <= tick.time_ns - self._acted_ns < SOONEST * PERIOD_NS
@@ -218,6 +230,17 @@ class Executor(ManagedNode):
             self._lose_ball(player)
         self._adopt(player)
         self._send(self._decide(player, tick), tick.time_ns)
+
+    def _leaves_it_to_others(self) -> bool:
+        """Look whether somebody else commands an arm that this one has brought to rest, in lockstep."""
+        last = self._output.last
+        rests = self.gives_way or (last is not None and not np.any(last.velocity))
+        gives_way = self._lockstep and not self._may_move and rests and bool(self._alone.others)
+        if gives_way != self.gives_way:
+            self.gives_way = gives_way
+            self.publish_diagnostics()  # they wait for it
+        self._gave_way |= gives_way
+        return gives_way
 
     def _decide(self, player: StrokePlayer, tick: TickInput) -> JointReference:
         if not self._may_move or self._is_distrustful():
@@ -256,6 +279,7 @@ class Executor(ManagedNode):
         if self._has_paused(player):
             player.begin_at(position)
             self._output.forget()
+            self._gave_way = False
         if not self._may_move:
             return player  # it may be led by hand meanwhile
         joint = self._robot.joint_names[int(np.abs(position - player.reference.position).argmax())]
@@ -270,6 +294,8 @@ class Executor(ManagedNode):
         return self._player is None or self._has_paused(self._player)
 
     def _has_paused(self, player: StrokePlayer) -> bool:
+        if self._lockstep:
+            return self._gave_way
         paused = not self._lockstep and self._now_s() - self._output.sent_s > RESUME_S
         return paused and self._may_move and not np.any(player.reference.velocity)
 

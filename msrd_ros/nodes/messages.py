@@ -145,9 +145,7 @@ def _duration(seconds: float) -> Duration:
 
 def gesture_to_message(gesture: HandGesture, stamp: Any) -> MultiDOFJointTrajectory:
     """Where the hand leads the paddle: one point is streamed, many are a whole gesture."""
-    message = MultiDOFJointTrajectory(joint_names=[PADDLE])
-    message.header.frame_id = WORLD
-    message.header.stamp = stamp
+    message = released_hand(stamp)
     for index, time_s in enumerate(gesture.times_s):
         linear, angular = gesture.velocities[index], gesture.angular_velocities[index]
         message.points.append(
@@ -162,6 +160,14 @@ def gesture_to_message(gesture: HandGesture, stamp: Any) -> MultiDOFJointTraject
                 time_from_start=_duration(float(time_s)),
             )
         )
+    return message
+
+
+def released_hand(stamp: Any) -> MultiDOFJointTrajectory:
+    """No hand leads the paddle: the gesture under way ends by itself, and time goes on."""
+    message = MultiDOFJointTrajectory(joint_names=[PADDLE])
+    message.header.frame_id = WORLD
+    message.header.stamp = stamp
     return message
 
 

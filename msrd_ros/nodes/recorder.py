@@ -63,6 +63,9 @@ class RecorderConfig:
     recording: bool = parameter(
         True, "Whether strokes are recorded; ~/start and ~/stop set it, too", live=True
     )
+    note: str = parameter(
+        "", "What is said of a stroke in its bag's metadata; may change between strokes", live=True
+    )
     pre_roll_s: float = parameter(
         0.2, "What is kept of the time before the launch", unit="s", low=0.0, high=5.0
     )
@@ -246,8 +249,10 @@ class Recorder(ManagedNode):
             self._written.trigger()
             return
         topics, latched = dict(self._inputs.topics), dict(self._inputs.latched)
-        subject, keep_all = self.config.subject, self.config.keep == "all"
-        self._writer.submit(self._keep, stroke, subject, topics, latched, keep_all)
+        config = self.config
+        self._writer.submit(
+            self._keep, stroke, config.subject, topics, latched, config.keep == "all", config.note
+        )
 
     def _keep(self, stroke: Stroke, subject: str, *details: Any) -> None:
         """Judge and write, on the writer's thread; the node's own thread then reports."""

@@ -125,9 +125,11 @@ class SoleSpeaker:
     @property
     def is_doubtful(self) -> bool:
         """Whether another one is known and it is not yet clear whether it is alive."""
-        return not self._timer.is_canceled() and bool(self._others())
+        return not self._timer.is_canceled() and bool(self.others)
 
-    def _others(self) -> list[str]:
+    @property
+    def others(self) -> list[str]:
+        """Full names of all others who publish it, alive or not."""
         names = self._speakers.publishers(self._topic)
         own = self._node.get_fully_qualified_name()
         if own in names:
@@ -137,7 +139,7 @@ class SoleSpeaker:
     def _look(self) -> None:
         alive = [
             name
-            for name in self._others()
+            for name in self.others
             if name.rpartition("/")[2] not in (*NODES, UNKNOWN) or self._speaks_longer(name)
         ]
         if alive:

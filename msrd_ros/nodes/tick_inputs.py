@@ -116,7 +116,13 @@ class TickInputs:
             AdaptiveSubscription(node, PointStamped, "ball/position", STATE, self._on_ball),
             AdaptiveSubscription(node, JointState, "joint_states", STATE, self._on_joint_state),
         ]
-        steady_timer(node, ADAPT_PERIOD_S, self._look_around)
+        self._timer = steady_timer(node, ADAPT_PERIOD_S, self._look_around)
+
+    def close(self) -> None:
+        """Hear no more ticks."""
+        self._node.destroy_timer(self._timer)
+        for subscription in self._subscriptions:
+            subscription.close()
 
     @property
     def missing(self) -> list[str]:

@@ -50,7 +50,7 @@ class Row:
     verdict, detail
         ``accepted``, or why the stroke is no demonstration.
     flags
-        What it is flagged with.
+        What was noted of it when it was recorded, and what it is flagged with.
     jerk_rad_s3, distance_rad
         `outliers.rms_jerk`, and `outliers.distances` from the others of its label.
     ball_path_m

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from msrd_ros.bags.metadata import FORMAT_KEY, STROKE_FORMAT
+from msrd_ros.bags.metadata import FORMAT_KEY, NOTE_KEY, STROKE_FORMAT
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.static_transforms import static_transforms_from_urdf
 from msrd_ros.bags.strokes import Stroke
@@ -91,6 +91,7 @@ class StrokeStore:
         topics: Mapping[str, BagTopic],
         latched: Mapping[str, Sequence[bytes]],
         keep_all: bool = False,
+        note: str = "",
     ) -> StoreResult:
         """Judge a stroke, and write it if it is accepted.
 
@@ -104,6 +105,8 @@ class StrokeStore:
             Latched messages in effect (`robot_description`, ``/tf_static``), by relative name.
         keep_all
             Write refused strokes as well, marked as such; all but those without a label.
+        note
+            What is said of it in its metadata; nothing if empty.
         """
         verdict = inspect(stroke, self._robot, self._limits)
         if stroke.label is None or not (verdict.accepted or keep_all):
@@ -123,6 +126,7 @@ class StrokeStore:
             "kept": "true" if verdict.accepted else "false",
             "reason": verdict.reason,
             **self._limits.settings(),
+            **({NOTE_KEY: note} if note else {}),
         }
         try:
             path = keep_stroke(

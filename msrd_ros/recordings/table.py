@@ -14,6 +14,7 @@ import numpy as np
 from msrd_ros.bags.finding import find_bags
 from msrd_ros.bags.info import read_info
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
+from msrd_ros.bags.metadata import NOTE_KEY
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.topics import OUTCOME
 from msrd_ros.core.errors import UserError
@@ -105,7 +106,8 @@ class StrokeTable:
             self._known[key] = known[key] if key in known else self._read(path)
             told = flags.get(os.path.relpath(path.resolve(), library), ()) if library is not None else ()
             measured += [
-                one._replace(row=replace(one.row, flags=told, discarded=home)) for one in self._known[key]
+                one._replace(row=replace(one.row, flags=(*one.row.flags, *told), discarded=home))
+                for one in self._known[key]
             ]
         return self._compared(measured)
 
@@ -114,7 +116,9 @@ class StrokeTable:
         row = Row(Path(name).as_posix())
         try:
             info = read_info(path)
-            row = replace(row, subject=info.subject, label=info.label or "", length_s=info.duration_ns / 1e9)
+            note = info.custom_data.get(NOTE_KEY)
+            row = replace(row, subject=info.subject, label=info.label or "", flags=(note,) if note else ())
+            row = replace(row, length_s=info.duration_ns / 1e9)
             strokes, origin, _ = cut_bag(Bag(path, self._names), self._robot)
         except UserError as error:
             return [Measured(replace(row, detail=str(error).removeprefix(f"bag {path}: ")), None, {})]

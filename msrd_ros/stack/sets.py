@@ -284,7 +284,14 @@ def _studio(values: Values) -> tuple[Stage, ...]:
     if has_driver:
         executor = executor.having(enabled=False)
     page = values.pick(
-        bags="bags", run="run", runs="runs", port="port", expose="expose", token="token", seed="seed"
+        bags="bags",
+        run="run",
+        runs="runs",
+        mode="mode",
+        port="port",
+        expose="expose",
+        token="token",
+        seed="seed",
     )
     return (
         Stage(

@@ -22,6 +22,8 @@ Ask = Callable[["Browser", dict[str, Any]], None]
 
 MOST_BYTES = 1 << 16
 """Of one message from a browser."""
+HEARTBEAT_S = 15.0
+"""A browser that is busy drawing answers late; who guides by hand is missed much sooner."""
 MOST_ANSWERS = 1000
 """A browser that reads so few of its answers is let go."""
 _HOP_HEADERS = {
@@ -152,7 +154,7 @@ class Gateway:
         application = web.Application(middlewares=[self._hold])
         application.router.add_get("/", self._page)
         application.router.add_get("/live", self._live)
-        application.router.add_get("/{name:[a-z]+[.](css|js)}", self._page)
+        application.router.add_get(r"/{name:[a-z]+\.(css|js)}", self._page)
         application.router.add_get("/scene{slash:/?}{path:.*}", self._behind)
         self._session = aiohttp.ClientSession(
             headers={SECRET_HEADER: self._scene.secret}, auto_decompress=False
@@ -191,16 +193,19 @@ class Gateway:
         name = request.match_info.get("name", "index.html")
         file = files("msrd_ros.studio").joinpath("page", name)
         if not file.is_file():
-            return web.Response(status=404, headers=_SAFETY)
-        kind = {"html": "text/html", "css": "text/css", "js": "text/javascript"}[name.rpartition(".")[2]]
-        return web.Response(text=file.read_text(encoding="utf-8"), content_type=kind, headers=_SAFETY)
+            raise web.HTTPNotFound(headers=_SAFETY)
+        text = file.read_text(encoding="utf-8")
+        types = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+        kind = types[name.rpartition(".")[2]]
+        return web.Response(text=text, content_type=kind, headers=_SAFETY)
 
     async def _live(self, request: web.Request) -> web.WebSocketResponse:
         """The connection over which a page is told what happens, and says what is to be done."""
-        socket = web.WebSocketResponse(heartbeat=5.0, max_msg_size=MOST_BYTES)
+        socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=MOST_BYTES)
         await socket.prepare(request)
         self._came += 1
         browser = self._browsers[self._came] = Browser(self._came, self._loop)
+        browser.answer({"type": "hello", "browser": browser.number})
         sending = asyncio.create_task(browser.send_all(socket))
         try:
             async for message in socket:

@@ -78,6 +78,26 @@ class Library:
             done = curation.restore(bag)
         return str(done)
 
+    def discard(self, name: str) -> str:
+        """Move a bag aside; what was done.
+
+        Raises
+        ------
+        UserError
+            If there is no such bag.
+        """
+        return str(Curation(self.folder, self._robot).discard(self.place(name, discarded=False)))
+
+    def relabel(self, name: str, label: str) -> str:
+        """Give a bag another label; its new name.
+
+        Raises
+        ------
+        UserError
+            If there is no such bag, or the label is none.
+        """
+        return Curation(self.folder, self._robot).relabel(self.place(name, discarded=False), label).to
+
     def episode(self, name: str) -> Episode:
         """The first stroke of a bag.
 

@@ -16,6 +16,8 @@ class Request:
     ----------
     content
         As it came: ``do`` says what, ``id`` is repeated in the answer, everything else are its values.
+    browser
+        Number of the browser whose page it is.
 
     Attributes
     ----------
@@ -23,8 +25,8 @@ class Request:
         What is to be done, and how the page knows the answer.
     """
 
-    def __init__(self, content: Mapping[str, Any]) -> None:
-        self._content = content
+    def __init__(self, content: Mapping[str, Any], browser: int = 0) -> None:
+        self._content, self.browser = content, browser
         self.verb = str(content.get("do", ""))
         number = content.get("id")
         self.number = number if isinstance(number, int | str) else None

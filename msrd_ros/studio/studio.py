@@ -23,13 +23,18 @@ from msrd_ros.nodes.given_files import given_files
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.studio.control import FASTEST, SLOWEST, Answer, Control
 from msrd_ros.studio.gateway import Browser, Gateway, address
+from msrd_ros.studio.ghosts import Ghosts
 from msrd_ros.studio.guard import LOOPBACK, Guard
+from msrd_ros.studio.keeping import Keeping
 from msrd_ros.studio.laid_paths import COLOURS, coloured_by_reward, compared
+from msrd_ros.studio.leading import Leading
 from msrd_ros.studio.learn import Learn, LearnConfig
 from msrd_ros.studio.library import VERBS, Library
 from msrd_ros.studio.replay import Replay
 from msrd_ros.studio.requests import Request
 from msrd_ros.studio.scene import TableScene
+from msrd_ros.studio.sketching import Sketching
+from msrd_ros.studio.teaching import Teaching
 from msrd_ros.studio.understanding import Understanding
 from msrd_ros.studio.watch import Watch
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Side, Strategies
@@ -37,6 +42,7 @@ from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Side, Strate
 STATE_PERIOD_S = 0.1
 PLAYABLE = "side_"
 """What the names of an executor's figures begin with that tell whom it has policies for."""
+TEACH_STREAM = 0x7EAC
 FEED_AGAIN_S = 8.0
 """A ball of which nothing has been heard for so long is followed by the next."""
 
@@ -46,6 +52,11 @@ class StudioConfig:
     """Parameters of the studio."""
 
     robot: str = robot_parameter()
+    mode: str = parameter(
+        "lockstep",
+        "lockstep answers the ticks of a simulator that waits for them; real_time goes by the clock",
+        choices=("lockstep", "real_time"),
+    )
     port: int = parameter(8080, "Where the page is: http://127.0.0.1:PORT", low=1, high=65535)
     expose: bool = parameter(
         False,
@@ -79,6 +90,8 @@ class Studio(StackNode):
         self._control = Control(self, self._strategies, np.random.default_rng(config.seed))
         self._library = Library(Path(config.bags), self._robot)
         self._understanding = Understanding(Path(config.run), self._robot, self._strategies)
+        lockstep = config.mode == "lockstep"
+        self._leading = Leading(self, self._robot, self._watch, self._control, lockstep)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="library")
         files = tuple(given_files(self.command_line))
         learning = LearnConfig(config.robot, config.strategies, Path(config.runs), files)
@@ -110,6 +123,15 @@ class Studio(StackNode):
         token = config.token or (secrets.token_urlsafe(16) if config.expose else "")
         guard, host = Guard(config.port, token), "0.0.0.0" if config.expose else LOOPBACK
         self._scene = TableScene(self._robot)
+        self._teaching = Teaching(
+            self._robot,
+            self._leading,
+            Sketching(self._robot, Ghosts(self._scene.viser)),
+            Keeping(self._library),
+            self._later,
+            np.random.default_rng((TEACH_STREAM, config.seed)),
+        )
+        self._verbs.update(self._teaching.verbs)
         try:
             self._gateway = Gateway(guard, host, self._scene.viser, self._ask, self._left)
         except UserError:
@@ -171,6 +193,7 @@ class Studio(StackNode):
                 "driven": bool(executor),
                 "feeds_on": self._feeds_on,
                 "replay": self._replay.state() if self._replay else None,
+                "teach": self._teaching.told(),
             }
         )
 
@@ -208,13 +231,14 @@ class Studio(StackNode):
 
     def _left(self, browser: Browser) -> None:
         """A browser is gone; called on the server's thread."""
+        self._ask(browser, {"do": "leave"})
 
     def _answer_all(self) -> None:
         while not self._asked.empty():
             self._do(*self._asked.get())
 
     def _do(self, browser: Browser, content: dict[str, Any]) -> None:
-        request = Request(content)
+        request = Request(content, browser.number)
 
         def answer(ok: bool, text: str, **values: object) -> None:
             browser.answer(
@@ -249,6 +273,7 @@ class Studio(StackNode):
 
     def _do_stop(self, _: Request, answer: Answer) -> None:
         self._feeds_on = False
+        self._leading.halt()
         self._control.enable(False, answer)
 
     def _do_rate(self, request: Request, answer: Answer) -> None:

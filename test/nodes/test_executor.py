@@ -274,6 +274,37 @@ def test_disabled_it_holds_still(robot: Robot) -> None:
     robot.make_ready(label, POLICIES.facts[label].ready_pose)
 
 
+def test_disabled_it_leaves_an_arm_at_rest_to_whoever_else_commands_it(robot: Robot) -> None:
+    stack, label = robot.stack, LABELS[0]
+    assert stack.set("executor/enable", False).success
+    while robot.tick()[1].any():
+        pass
+    other = stack.node.create_publisher(JointTrajectory, "joint_command", COMMAND)
+    robot.time_ns += PERIOD_NS
+
+    def given_way() -> bool:
+        robot.send()
+        return stack.diagnosed("executor")["gives_way"] == "true"
+
+    stack.wait_until(given_way, "way")
+    robot.answers.clear()
+    robot.time_ns += PERIOD_NS
+    robot.send()
+    refusal = stack.set("executor/enable", True)
+    assert not refusal.success
+    assert "commands the arm; wait until that is over" in refusal.message
+    assert robot.answers == []
+    # The other one has led the arm elsewhere: what follows leads on from there.
+    robot.position = robot.position + 0.3
+    moved = robot.position
+    stack.node.destroy_publisher(other)
+    position, velocity, _ = robot.tick()
+    np.testing.assert_allclose(position, moved)
+    assert not velocity.any()
+    assert stack.set("executor/enable", True).success
+    robot.make_ready(label, POLICIES.facts[label].ready_pose)
+
+
 def test_policies_may_see_a_fit_of_the_flight_instead_of_samples(stack: Stack, checkpoint: Path) -> None:
     process = stack.start("executor", checkpoint=checkpoint, estimate_ball=True, camera_noise_m=0.003)
     process.wait_for_line("ready: lockstep")

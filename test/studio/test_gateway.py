@@ -122,6 +122,8 @@ def test_what_is_asked_arrives_and_is_answered(served: Served) -> None:
     async def work() -> list[dict[str, Any]]:
         async with aiohttp.ClientSession() as session:
             async with session.ws_connect(f"{served.url}/live", origin=served.url) as live:
+                hello = json.loads((await live.receive()).data)
+                assert hello == {"type": "hello", "browser": 1}
                 await live.send_str(json.dumps({"do": "stop", "id": 7}))
                 found = [json.loads((await live.receive()).data)]
                 await live.send_str("no JSON")

@@ -1,6 +1,6 @@
 // The tab Learn: what is learned from, how far training is, what came of the runs.
 
-import { $, ask, chosen, drawn, element, fill, listeners, opened, state } from "./studio.js";
+import { $, ask, chosen, drawn, element, fill, state } from "./studio.js";
 
 const RUN_COLOURS = ["#12569c", "#c4560b"];
 const LEFT = 38, RIGHT = 430, TOP = 8, BOTTOM = 128;
@@ -289,5 +289,9 @@ $("end-training").onclick = () => ask("end_training");
 $("go-on").onclick = () => ask("go_on", { name: shown[0] }, began);
 $("play-run").onclick = () => ask("play_run", { name: shown[0] });
 $("look-runs").onclick = look;
-listeners.push(hear);
-opened.learn = () => { offerDemonstrations(); look(); };
+window.addEventListener("studio-state", hear);
+window.addEventListener("studio-panel", ({ detail }) => {
+  if (detail !== "learn") return;
+  offerDemonstrations();
+  look();
+});

@@ -8,11 +8,8 @@ export let state = {};
 let kind = "standard";
 let scrubbing = false;
 let asked = 0;
+export let me = 0;
 const waiting = new Map();
-
-// Tabs with files of their own: called with every state, and when a tab is opened, by its name.
-export const listeners = [];
-export const opened = {};
 
 // -- the connection ------------------------------------------------------------------------------
 
@@ -22,6 +19,7 @@ function connect() {
   socket.onmessage = (event) => {
     const message = JSON.parse(event.data);
     if (message.type === "state") show(message);
+    else if (message.type === "hello") me = message.browser;
     else hear(message);
   };
   socket.onclose = () => {
@@ -68,11 +66,11 @@ function show(news) {
   showTime();
   showRates();
   showNodes();
+  window.dispatchEvent(new CustomEvent("studio-state", { detail: state }));
   for (const button of $("strategies").children)
     offered(button);
   $("feed-on").classList.toggle("chosen", state.feeds_on);
   $("feed-on").textContent = state.feeds_on ? "No more balls" : "Feed on and on";
-  for (const listen of listeners) listen();
 }
 
 // What the executor has no policy for can be chosen ahead, and is said to be missing.
@@ -198,7 +196,7 @@ function choosePanel(name) {
     $(tab.dataset.panel).hidden = tab.dataset.panel !== name;
   }
   if (name === "strokes") look();
-  if (opened[name]) opened[name]();
+  window.dispatchEvent(new CustomEvent("studio-panel", { detail: name }));
 }
 
 // -- recorded strokes ----------------------------------------------------------------------------

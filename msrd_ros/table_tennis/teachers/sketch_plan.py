@@ -6,6 +6,7 @@ The joints go from rest in the wind-up through the contact to rest in the follow
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -158,8 +159,11 @@ def plan_variation(
     timing_s: float = 0.01,
     tempo: float = 0.05,
     scene: Scene | None = None,
+    refused: Callable[[SketchPlan], None] = lambda plan: None,
 ) -> SketchPlan:
     """A plan without violations of the same stroke as its person would do it another time; see `variation`.
+
+    `refused` is told of each variation drawn that the arm cannot do.
 
     Raises
     ------
@@ -170,6 +174,7 @@ def plan_variation(
         plan = plan_sketch(robot, variation(sketch, rng, timing_s, tempo, scene), scene)
         if not plan.violations:
             break
+        refused(plan)
     plan.require_possible()
     return plan
 
