@@ -2,8 +2,8 @@
 
 Run from the repository: ``python benchmarks/studio_tour.py [--out FOLDER] [--variations 10] [--seed 0]``, on
 a machine that does nothing else; it needs Debian's chromium. A new stroke is taught, twice sketched and twice
-guided, and varied; it is learned together with the six that come with the package, from nothing; then it is fed
-balls. Exit status: 0 if all that is promised was reached, 1 if not.
+guided, and varied; it is learned together with the six that come with the package, from nothing; then balls
+are fed to it. Exit status: 0 if all that is promised was reached, 1 if not.
 """
 
 from __future__ import annotations

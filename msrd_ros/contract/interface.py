@@ -32,7 +32,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "rally/outcome": "simulator → recorder, evaluator, demonstrator, trainer; one per ball",
         "robot_description": "simulator → recorder, RViz, Foxglove",
         "/tf_static": "simulator → RViz, Foxglove (where tf2_msgs is installed)",
-        "joint_command": "executor, or who leads by hand → simulator or driver; the strategy in the header",
+        "joint_command": "executor, or who leads by hand → simulator, driver; its strategy in the header",
         "teach/hand": "demonstrator, studio or tracked hand → simulator",
         "recorder/verdict": "recorder → demonstrator, studio; kept, or why not",
         "policy": "trainer, studio → executor; safetensors bytes, swapped between strokes only",

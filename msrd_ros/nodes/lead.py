@@ -11,9 +11,7 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from rclpy.time import Time
 from std_msgs.msg import Header
-from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.contract.labels import StrategyLabel
@@ -21,16 +19,14 @@ from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import NANOSECONDS, read_outcome
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.command_output import CommandOutput
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, StackNode, referee_hears
+from msrd_ros.nodes.common import EVENT, LATCHED, StackNode, referee_hears
+from msrd_ros.nodes.hand_output import HandOutput
 from msrd_ros.nodes.led_stroke import Kept, Led, LedStroke, Stage, read_verdicts
-from msrd_ros.nodes.messages import feed_to_message, gesture_to_message, released_hand, strategy_message
+from msrd_ros.nodes.messages import feed_to_message, strategy_message
 from msrd_ros.nodes.teach_mode import TeachMode
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
-from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.robot import Robot
-from msrd_ros.robots.rotations import quaternion_from_rotation
 from msrd_ros.table_tennis.ball.feeder import Feed
-from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
 
 Array = NDArray[np.float64]
@@ -81,14 +77,13 @@ class Lead:
         self._outcome: Outcome | None = None
         self._verdicts: dict[int, Kept] = {}
         self._peak_speed = 0.0
-        self._has_let_go = self._ends = self._in_play = self._holds = self._awaits_verdict = False
+        self._has_let_go = self._ends = self._in_play = self._awaits_verdict = False
         self._at_rest: Callable[[], None] = lambda: None
         self._acted_ns = 0
-        self._last_hand: MultiDOFJointTrajectory | None = None
         self._strategy = node.create_publisher(Header, "strategy", LATCHED)
         self._feed = node.create_publisher(Odometry, "feed", EVENT)
         self._command = CommandOutput(node, robot, lockstep, time.monotonic)
-        self._hand = node.create_publisher(MultiDOFJointTrajectory, "teach/hand", COMMAND)
+        self._hand = HandOutput(node, robot)
         self._subscriptions = [
             node.create_subscription(DiagnosticArray, "rally/outcome", self._on_outcome, EVENT),
             node.create_subscription(DiagnosticArray, "recorder/verdict", self._on_verdict, EVENT),
@@ -120,7 +115,8 @@ class Lead:
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._command.close()
-        for publisher in (self._strategy, self._feed, self._hand):
+        self._hand.close()
+        for publisher in (self._strategy, self._feed):
             self._node.destroy_publisher(publisher)
         self._teach.close()
 
@@ -257,19 +253,7 @@ class Lead:
         gesture = None
         if not self._has_let_go:
             gesture = self._stroke.hand_at(tick.time_ns / NANOSECONDS, tick.joint_position)
-        stamp = Time(nanoseconds=tick.time_ns).to_msg()
-        if gesture is not None:
-            self._holds = True
-            self._last_hand = gesture_to_message(gesture, stamp)
-        elif self._holds:
-            # A hand that only falls silent goes on for a while as it was.
-            self._holds = False
-            centre, rotation = paddle_pose(self._robot.model, tick.joint_position)
-            still = HandGesture.now(centre, quaternion_from_rotation(rotation))
-            self._last_hand = gesture_to_message(still, stamp)
-        else:
-            self._last_hand = released_hand(stamp)
-        self._hand.publish(self._last_hand)
+        self._hand.send(gesture, tick.joint_position, tick.time_ns)
 
     def _has_ended(self) -> None:
         self._enter(Stage.OVER)
@@ -278,8 +262,8 @@ class Lead:
     def _repeat(self) -> None:
         if self.stage is Stage.MOVING:
             self._command.repeat()
-        elif self._last_hand is not None:
-            self._hand.publish(self._last_hand)
+        else:
+            self._hand.repeat()
 
     # -- what comes in -------------------------------------------------------------------------
 
@@ -309,7 +293,7 @@ class Lead:
         def switched() -> None:
             if self.stage is not Stage.CALLING:
                 return  # closed meanwhile
-            self._last_hand = None
+            self._hand.forget()
             then()
             # The world has stood still since the last tick; it is answered in the new mode.
             self._inputs.act_again()

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 BLUE, RED, GREEN, GREY = (46, 111, 190), (200, 30, 30), (22, 140, 84), (120, 130, 145)
 _HANDLE_M = (0.025, 0.02, 0.1)
 _LANDING_M = 0.06
+_THICK_M = {"paddle": 0.01, "coming": 0.008, "going": 0.014}
 _POINTS = 80
 """Of each line."""
 
@@ -46,13 +47,7 @@ class Ghosts:
             self._labels[moment] = scene.add_label(
                 f"{name}/label", moment.value, position=(0.0, 0.0, 1.3 * BLADE_RADIUS_M), visible=False
             )
-        nothing = np.zeros((_POINTS, 2, 3), np.float32)
-        self._lines = {
-            name: scene.add_line_segments(
-                f"/sketch/{name}", nothing, GREY, thickness=thickness, visible=False
-            )
-            for name, thickness in (("paddle", 0.01), ("coming", 0.008), ("going", 0.014))
-        }
+        self._lines: dict[str, Any] = {}
         self._landing = scene.add_cylinder(
             "/sketch/landing", _LANDING_M, 0.004, color=GREEN, cast_shadow=False, visible=False
         )
@@ -84,12 +79,14 @@ class Ghosts:
             self._show_landing(plan, colour)
 
     def _draw(self, name: str, points: Array, colour: tuple[int, int, int]) -> None:
-        line = self._lines[name]
-        line.visible = len(points) > 1
-        if len(points) > 1:
-            rows = points[np.linspace(0, len(points) - 1, _POINTS + 1).round().astype(int)].astype(np.float32)
-            line.points = np.stack([rows[:-1], rows[1:]], axis=1)
-            line.colors = np.tile(np.array(colour, np.uint8), (_POINTS, 2, 1))
+        if name in self._lines:
+            self._lines.pop(name).remove()
+        if len(points) < 2:
+            return
+        rows = points[np.linspace(0, len(points) - 1, _POINTS + 1).round().astype(int)].astype(np.float32)
+        self._lines[name] = self._viser.server.scene.add_line_segments(
+            f"/sketch/{name}", np.stack([rows[:-1], rows[1:]], axis=1), colour, thickness=_THICK_M[name]
+        )
 
     def _show_landing(self, plan: SketchPlan, colour: tuple[int, int, int]) -> None:
         outcome = plan.prediction.outcome

@@ -10,8 +10,8 @@ import numpy as np
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.led_stroke import Led
-from msrd_ros.studio.leading import Task
 from msrd_ros.studio.library import Library
+from msrd_ros.studio.task import Task
 
 MOST_TOLD = 30
 

@@ -3,73 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from enum import Enum
-from typing import NamedTuple
 
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
-from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import StackNode, steady_timer
 from msrd_ros.nodes.lead import VERDICT_PATIENCE_S, Lead
-from msrd_ros.nodes.led_stroke import Led, LedStroke, Stage
+from msrd_ros.nodes.led_stroke import Led, Stage
 from msrd_ros.robots.robot import Robot
 from msrd_ros.studio.control import Control
+from msrd_ros.studio.task import FULL_SPEED, Done, Task, Turn
 from msrd_ros.studio.watch import Watch
-from msrd_ros.table_tennis.ball.feeder import Feed
 
 LOOK_PERIOD_S = 0.05
 PATIENCE_S = 30.0
 """What has not come about by then is given up: rest, a service's answer, the way to the ready pose."""
 GONE_S = 10.0
 """A simulator of which nothing is heard for so long is gone; on a busy machine it speaks late."""
-FULL_SPEED = 1.0
 RECORDER = "recorder"
 NO_NOTE = Parameter("note", Parameter.Type.STRING, "")
-
-
-class Task(NamedTuple):
-    """A stroke to be led.
-
-    Attributes
-    ----------
-    label
-        What it is called.
-    stroke
-        What the hand does.
-    feed
-        Its ball.
-    at_once
-        Whether the ball is launched as soon as the hand has the paddle; else when `Leading.launch` says.
-    note
-        What its bag says of it.
-    rate
-        Simulated seconds a second while the hand has the paddle.
-    """
-
-    label: StrategyLabel
-    stroke: LedStroke
-    feed: Feed
-    at_once: bool
-    note: str
-    rate: float
-
-
-class Turn(Enum):
-    """Whose turn it is to move the arm."""
-
-    FREE = "nobody leads"
-    TAKING = "the arm comes to rest"
-    LEADING = "led by hand"
-    RETURNING = "the arm is given back"
-
-
-Done = Callable[[Task, Led], Task | None]
-"""Takes how a stroke went; the next one, or None."""
 
 
 class Leading:

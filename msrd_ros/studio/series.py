@@ -8,7 +8,7 @@ import numpy as np
 
 from msrd_ros.nodes.led_stroke import Led
 from msrd_ros.robots.robot import Robot
-from msrd_ros.studio.leading import FULL_SPEED, Task
+from msrd_ros.studio.task import FULL_SPEED, Task
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.teachers.sketch import Sketch
 from msrd_ros.table_tennis.teachers.sketch_plan import SketchPlan, plan_variation

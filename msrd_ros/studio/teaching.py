@@ -14,10 +14,11 @@ from msrd_ros.robots.robot import Robot
 from msrd_ros.studio.control import Answer
 from msrd_ros.studio.guiding import DraggedStroke, guide_view
 from msrd_ros.studio.keeping import Keeping
-from msrd_ros.studio.leading import FULL_SPEED, Leading, Task
+from msrd_ros.studio.leading import Leading
 from msrd_ros.studio.requests import Request
 from msrd_ros.studio.series import Series
 from msrd_ros.studio.sketching import Sketching
+from msrd_ros.studio.task import FULL_SPEED, Task
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.sketched_stroke import SketchedStroke

@@ -20,8 +20,8 @@ let sliding = false;
 
 // -- views: what is right and what is up in them, and how a turn in them turns the paddle -----------
 
-const SIDE = { svg: $("teach-side-view"), width: 436, height: 220, right: 0, up: 2, turn: "turn_y", sign: -1, says: "from the side" };
-const TOP = { svg: $("teach-top-view"), width: 436, height: 130, right: 0, up: 1, turn: "turn_z", sign: 1, says: "from above" };
+const SIDE = { svg: $("teach-side-view"), width: 436, height: 190, right: 0, up: 2, turn: "turn_y", sign: -1, says: "from the side" };
+const TOP = { svg: $("teach-top-view"), width: 436, height: 105, right: 0, up: 1, turn: "turn_z", sign: 1, says: "from above" };
 
 // What is in the middle of a view: the contact as it was begun, so that nothing moves under the pointer.
 let middle = [-1.65, 0, 1.05];
@@ -82,9 +82,10 @@ function faceIn(view, ghost) {
 function drawGhost(view, moment, ghost) {
   const place = placeOf(moment);
   let [a, b] = faceIn(view, ghost);
-  if (b < 0) [a, b] = [-a, -b];
   const [x, y] = toView(view, place[view.right], place[view.up]);
   const reach = SCALE * BLADE_M;
+  // The ring stands above, where there is room.
+  if (b < 0 !== y - (reach + 12) * Math.abs(b) < 8) [a, b] = [-a, -b];
   const group = drawn("g", { class: ghost.bad ? "ghost bad" : "ghost", "data-moment": moment });
   const grip = drawn("circle", { cx: x, cy: y, r: 15, class: "grip" });
   const turn = drawn("circle", { cx: x + (reach + 12) * a, cy: y - (reach + 12) * b, r: 6, class: "turn" });
@@ -126,8 +127,10 @@ function moveGhost(event) {
     drag.turn += Math.atan2(Math.sin(angle - drag.angle), Math.cos(angle - drag.angle));
     drag.angle = angle;
   } else {
-    position[view.right] = u + drag.offset[0];
-    position[view.up] = v + drag.offset[1];
+    // What is dragged out of the view could not be taken again.
+    const held = (value, at, size) => Math.min(Math.max(value, at - size), at + size);
+    position[view.right] = held(u + drag.offset[0], middle[view.right], (view.width / 2 - 12) / SCALE);
+    position[view.up] = held(v + drag.offset[1], middle[view.up], (view.height / 2 - 12) / SCALE);
   }
   drag.changed = true;
   drawSketch(SIDE);
@@ -268,9 +271,9 @@ function showDrawing(sketch) {
   if (!sliding)
     for (const name of ["contact", "swing", "follow"]) $(`teach-${name}`).value = sketch[`${name}_s`];
   for (const input of document.querySelectorAll("#teach-times input, #teach-slow input"))
-    input.nextElementSibling.textContent = Number(input.value).toFixed(2);
+    input.previousElementSibling.textContent = Number(input.value).toFixed(2);
   const beyond = guides && teach.guided ? teach.guided.beyond : sketch.violations;
-  $("teach-violations").replaceChildren(...beyond.slice(0, 4).map((words) => element("li", "", words)));
+  $("teach-violations").replaceChildren(...beyond.slice(0, 3).map((words) => element("li", "", words)));
   const where = sketch.landing_m[0] === null ? "" : ` at ${sketch.landing_m.map((v) => v.toFixed(2)).join(", ")} m`;
   const spin = sketch.spin_rad_s === null ? "" : `, spin ${Math.round(sketch.spin_rad_s)} rad/s`;
   $("teach-foretold").textContent = sketch.violations.length
