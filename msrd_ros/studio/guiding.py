@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.robots.kinematics import paddle_pose
+from msrd_ros.robots.inverse_kinematics import joint_rates_for_twist
+from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
 from msrd_ros.robots.robot import Robot
 from msrd_ros.robots.rotations import quaternion_from_rotation, turn_between, turned
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
-from msrd_ros.table_tennis.teachers.sketch import Moment
+from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
+from msrd_ros.table_tennis.teachers.impedance_guidance import leading_wrench
 from msrd_ros.table_tennis.teachers.sketch_plan import PLAN_PERIOD_S, SketchPlan
 from msrd_ros.table_tennis.teachers.violations import Violation, reach
 
@@ -23,11 +25,16 @@ SILENCE_S = 0.5
 HASTE_1_S = 30.0
 """How eagerly the hand follows the pointer."""
 FASTEST_M_S, HARDEST_M_S2 = 2.5, 40.0
+DISC_M = 0.1
+"""A pointer so near the pacer has the hand go along with it: between two moves of a mouse a hand flows."""
 AHEAD_S = 0.05
 """By so much the pacer goes ahead of the paddle: hand and arm come after the pointer."""
 LONGEST_TICK_S = 0.02
 _FLIES_M = 0.02
 _BLINK_S = 1e-3
+_DAMPING = 0.05
+_STRIDE = 10
+"""Every so many rows of the plan are looked at."""
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -35,28 +42,30 @@ class GuidedPlane:
     """Where the paddle can be dragged: a vertical plane through the contact, along the sketched stroke.
 
     How the paddle is turned, and how far it is beside the plane, follows from how far along it is, as in the
-    three ghosts of the sketch: a person has two hands for six directions, and these are the assisted four.
+    sketch: a pointer has two directions for six.
 
     Parameters
     ----------
+    robot
+        The arm, of N joints.
     plan
         Of the sketch that shows the way.
     """
 
-    def __init__(self, plan: SketchPlan) -> None:
-        ghosts = plan.sketch.ghosts
-        contact = ghosts[Moment.CONTACT]
-        velocity = plan.paddle[round(plan.stroke.hit_time_s / PLAN_PERIOD_S), 6:8]
+    def __init__(self, robot: Robot, plan: SketchPlan) -> None:
+        hit = round(plan.stroke.hit_time_s / PLAN_PERIOD_S)
+        velocity = plan.paddle[hit, 6:8]
         along = velocity if np.linalg.norm(velocity) > 1e-3 else np.array([1.0, 0.0])
-        self.origin = contact.position
+        self.origin = plan.sketch.contact.position
         self.along = np.array([*(along / np.linalg.norm(along)), 0.0])
         self.across = np.cross(_UP, self.along)
-        self._rotation = contact.rotation
-        self._ends = []
-        for moment in (Moment.WIND_UP, Moment.FOLLOW_THROUGH):
-            place = self.inside(ghosts[moment].position)
-            beside = float((ghosts[moment].position - self.origin) @ self.across)
-            self._ends.append((place[0], beside, turn_between(self._rotation, ghosts[moment].rotation)))
+        rows = np.arange(hit % _STRIDE, len(plan.paddle), _STRIDE)
+        way = plan.paddle[rows, :3] - self.origin
+        # What goes back, as to wind up, is left out: one place along the way is one pose.
+        self._along, first = np.unique(np.maximum.accumulate(way @ self.along), return_index=True)
+        self._beside = (way @ self.across)[first]
+        postures = plan.states.position[rows[first]]
+        self._rotations = [paddle_pose(robot.model, posture)[1] for posture in postures]
 
     def inside(self, position: Array) -> Array:
         """How far along and how high above the contact a position (3,) is, shape (2,), m."""
@@ -65,10 +74,12 @@ class GuidedPlane:
 
     def pose(self, place: Array) -> tuple[Array, Array]:
         """Position (3,) and rotation (3, 3) of the paddle at a place (2,) of the plane."""
-        side, beside, turn = self._ends[int(place[0] > 0.0)]
-        share = float(np.clip(place[0] / side, 0.0, 1.0)) if side * place[0] > 0.0 else 0.0
-        position = self.origin + place[0] * self.along + place[1] * _UP + share * beside * self.across
-        return position, turned(self._rotation, share * turn)
+        index = float(np.interp(place[0], self._along, np.arange(len(self._along))))
+        row = min(int(index), len(self._along) - 2)
+        turn = turn_between(self._rotations[row], self._rotations[row + 1])
+        beside = float(np.interp(place[0], self._along, self._beside))
+        position = self.origin + place[0] * self.along + place[1] * _UP + beside * self.across
+        return position, turned(self._rotations[row], (index - row) * turn)
 
 
 class DraggedStroke:
@@ -87,9 +98,11 @@ class DraggedStroke:
 
     def __init__(self, robot: Robot, plan: SketchPlan) -> None:
         self._robot, self._plan = robot, plan
-        self.plane = GuidedPlane(plan)
+        self._grip = GuidanceConfig()
+        self.plane = GuidedPlane(robot, plan)
         self._joints = plan.states.position[0]
         self._goal: Array | None = None
+        self._offset: Array | None = None
         self._heard_s = 0.0
         self._place = self._velocity = np.zeros(2)
         self._time_s = 0.0
@@ -97,7 +110,6 @@ class DraggedStroke:
         self._ball: Array | None = None
         self._launched_s: float | None = None
         self.beyond: list[Violation] = []
-        self.grips = 0
 
     @property
     def ready_posture(self) -> Array:
@@ -115,15 +127,13 @@ class DraggedStroke:
         self._heard_s = time.monotonic()
         place = np.array([along_m, up_m])
         _, self.beyond = reach(self._robot, *self.plane.pose(place), [self._joints, self.ready_posture])
+        self._offset = None if self.beyond else _beside(place - self._pacer)
         if self._goal is None:
-            self.grips += 1
             self._goal = self._here
-        if not self.beyond:
-            self._goal = place
 
     def release(self) -> None:
         """Let go of the paddle."""
-        self._goal, self.beyond = None, []
+        self._goal, self._offset, self.beyond = None, None, []
 
     @property
     def _here(self) -> Array:
@@ -147,6 +157,8 @@ class DraggedStroke:
         assert self._goal is not None
         if not self._holds:
             self._holds, self._place, self._velocity = True, self._here, np.zeros(2)
+        if self._offset is not None:
+            self._goal = self._pacer + self._offset
         wanted = HASTE_1_S * (self._goal - self._place)
         wanted *= min(1.0, FASTEST_M_S / max(float(np.linalg.norm(wanted)), 1e-9))
         change, most = wanted - self._velocity, HARDEST_M_S2 * period_s
@@ -154,12 +166,19 @@ class DraggedStroke:
         self._place = self._place + period_s * self._velocity
         position, rotation = self.plane.pose(self._place)
         next_position, next_rotation = self.plane.pose(self._place + _BLINK_S * self._velocity)
+        twist = np.concatenate([next_position - position, turn_between(rotation, next_rotation)]) / _BLINK_S
+        push, turn = self._lead_for(twist)
         return HandGesture.now(
-            position,
-            quaternion_from_rotation(rotation),
-            (next_position - position) / _BLINK_S,
-            turn_between(rotation, next_rotation) / _BLINK_S,
+            position + push, quaternion_from_rotation(turned(rotation, turn)), twist[:3], twist[3:]
         )
+
+    def _lead_for(self, twist: Array) -> tuple[Array, Array]:
+        """How far a hand runs ahead, (3,) in m and (3,) in rad, of the paddle at a twist (6,)."""
+        model, still = self._robot.model, np.zeros(self._robot.joint_count)
+        rates = joint_rates_for_twist(paddle_jacobian(model, self._joints), twist, still, _DAMPING)
+        resistance = np.array(self._robot.floating.joint_damping_nm_s)
+        wrench = leading_wrench(model, self._joints, rates, still, resistance)
+        return wrench[:3] / self._grip.stiffness_n_m, wrench[3:] / self._grip.turn_stiffness_nm
 
     @property
     def _pacer(self) -> Array:
@@ -181,9 +200,15 @@ class DraggedStroke:
         }
 
 
-def guide_view(plan: SketchPlan) -> dict[str, Any]:
+def _beside(way: Array) -> Array:
+    """How far beside the pacer a pointer means to lead the hand, (2,) in m: not at all while on its disc."""
+    size = float(np.linalg.norm(way))
+    return way * min(max(2.0 * (size - DISC_M), 0.0), size) / max(size, DISC_M)
+
+
+def guide_view(robot: Robot, plan: SketchPlan) -> dict[str, Any]:
     """What the page draws beneath: ghosts, the coming ball and the table's edge in the plane, in m."""
-    plane = GuidedPlane(plan)
+    plane = GuidedPlane(robot, plan)
     ball = plan.prediction.path[: round(plan.stroke.hit_time_s / PLAN_PERIOD_S) + 1 : 12, :3]
     return {
         "ball_path": [_rounded(plane.inside(row)) for row in ball],

@@ -100,7 +100,7 @@ class Teaching:
             "real": not leading.is_simulated,
             "trouble": leading.trouble,
             "sketch": self._sketching.told(),
-            "guide": guide_view(self._sketching.plan) if self._sketching.plan else None,
+            "guide": guide_view(self._robot, self._sketching.plan) if self._sketching.plan else None,
             "guided": guided.told() if guided is not None else None,
             "series": self._series.told() if self._series is not None else None,
             "strokes": self._keeping.told(),

@@ -25,7 +25,7 @@ def plan(request: pytest.FixtureRequest) -> SketchPlan:
 
 
 def test_the_plane_leads_through_the_ghosts(plan: SketchPlan) -> None:
-    plane = GuidedPlane(plan)
+    plane = GuidedPlane(ROBOT, plan)
     for moment in Moment:
         ghost = plan.sketch.ghosts[moment]
         position, rotation = plane.pose(plane.inside(ghost.position))
@@ -81,7 +81,7 @@ def test_what_the_arm_does_not_reach_is_told_and_not_gone_to(plan: SketchPlan) -
 
 
 def test_the_pacer_goes_with_the_ball(plan: SketchPlan) -> None:
-    stroke, plane = DraggedStroke(ROBOT, plan), GuidedPlane(plan)
+    stroke, plane = DraggedStroke(ROBOT, plan), GuidedPlane(ROBOT, plan)
     ball = np.array(plan.sketch.feed.position)
     stroke.see(1.0, ball)
     stroke.hand_at(1.0, stroke.ready_posture)

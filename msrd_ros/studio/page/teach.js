@@ -168,7 +168,7 @@ function drawGuide() {
       parts.push(drawn("circle", { cx: x, cy: y, r: 5, fill: "#e07b00", id: "teach-ball" }));
     }
     const [p, q] = toView(view, ...guided.pacer, GUIDE_MIDDLE);
-    parts.push(drawn("circle", { cx: p, cy: q, r: 10, fill: "#16794a", opacity: 0.3, id: "teach-pacer" }));
+    parts.push(drawn("circle", { cx: p, cy: q, r: SCALE * 0.1, fill: "#16794a", opacity: 0.3, id: "teach-pacer" }));
     const [x, y] = toView(view, ...guided.paddle, GUIDE_MIDDLE);
     parts.push(drawn("rect", { x: x - 4, y: y - 16, width: 8, height: 32, rx: 3, fill: colour, id: "teach-paddle" }));
     if (hand) {
