@@ -26,6 +26,7 @@ def main() -> int:
     """Start a studio with the shipped strokes, and take its pictures."""
     run = sys.argv[1] if len(sys.argv) > 1 else "out/demo/training"
     words = ["up", "studio", f"port:={PORT}", f"bags:={DOCS.parent / 'bags'}", f"run:={run}"]
+    words.append(f"runs:={Path(run).parent}")
     environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN}
     command = [sys.executable, "-m", "msrd_ros", *words]
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as studio:
@@ -38,11 +39,33 @@ def main() -> int:
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.set_default_timeout(1000 * START_S)
             page.goto(f"http://127.0.0.1:{PORT}")
+            taught(page)
+            learned(page, Path(run).name)
             explained(page)
             browser.close()
         studio.send_signal(signal.SIGINT)
         studio.stdout.read()
     return 0
+
+
+def taught(page: Page) -> None:
+    """A stroke to begin with, sketched."""
+    page.get_by_role("tab", name="Teach").click()
+    page.locator("#teach-name").fill("my-drive")
+    page.get_by_role("button", name="Begin").click()
+    page.locator("#teach-foretold").get_by_text("Foretold").wait_for()
+    page.wait_for_timeout(5000)
+    page.screenshot(path=DOCS / "studio_teach.png")
+
+
+def learned(page: Page, run: str) -> None:
+    """A run with its curves and its strategy matrix."""
+    page.get_by_role("tab", name="Learn").click()
+    page.locator("#lessons summary").click()
+    page.locator(f'#runs tbody tr[data-run="{run}"]').click()
+    page.locator("#learning-curves polyline").first.wait_for()
+    page.wait_for_timeout(2000)
+    page.screenshot(path=DOCS / "studio_learn.png")
 
 
 def explained(page: Page) -> None:
