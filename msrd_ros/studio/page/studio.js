@@ -430,16 +430,18 @@ function stopOnSpace(event) {
 }
 window.addEventListener("keydown", stopOnSpace, true);
 function settleScene() {
+  const scene = $("scene").contentDocument;
+  if (scene === null) return; // it could not be loaded; the rest of the page does without
   $("scene").contentWindow.addEventListener("keydown", stopOnSpace, true);
   // What the scene's own page says of itself, ours says beside it.
   const hidden = document.createElement("style");
   hidden.textContent = ".mantine-Notifications-root, .mantine-Paper-root { display: none !important; }";
-  $("scene").contentDocument.head.append(hidden);
+  scene.head.append(hidden);
   // The scene connects while it has the focus.
   $("scene").contentWindow.focus();
 }
 $("scene").addEventListener("load", settleScene);
 // It may have been there before this file was.
-const scene = $("scene").contentDocument;
-if (scene.URL !== "about:blank" && scene.readyState === "complete") settleScene();
+const before = $("scene").contentDocument;
+if (before !== null && before.URL !== "about:blank" && before.readyState === "complete") settleScene();
 connect();
