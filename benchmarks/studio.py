@@ -171,11 +171,12 @@ def frames() -> dict[str, Any]:
 
 
 def _frames_of_a_stroke(page: Page) -> float:
-    scene = page.frames[-1]
+    scene = next(frame for frame in page.frames if "/scene/" in frame.url)
     expect(page.locator("#phase")).to_contain_text("waits")
     page.wait_for_timeout(1500)  # on the way back to its ready pose the arm moves, too
     scene.evaluate("window.changed.length = 0")
     page.get_by_role("button", name="Feed a ball").click()
+    expect(page.locator("#phase")).to_have_text("plays")
     page.wait_for_timeout(1000 * STROKE_S)
     times = np.array(scene.evaluate("window.changed")) / 1000.0
     # The arm rests between the stroke and the way back.
