@@ -199,11 +199,11 @@ def tour(out: Path, variations: int, seed: int) -> dict[str, Any]:
             taught_s = time.monotonic()
             highest = person.learn(seed)
             trained_s = time.monotonic()
+            taught = recorded(bags, NAME)[NAME]  # from now on what is played is recorded, too
             played = person.play()
             end_s = time.monotonic()
         studio.send_signal(signal.SIGINT)
         studio.wait(60.0)
-    taught = recorded(bags, NAME)[NAME]
     landing_m, spin_rad_s = compare(played, taught)
     others = {label: compare(played, strokes) for label, strokes in recorded(shipped_bags()).items()}
     return {
