@@ -35,7 +35,7 @@ from browser import open_page  # noqa: E402
 from domains import reserved_domain  # noqa: E402
 from msrd_ros.nodes.common import EVENT  # noqa: E402
 from processes import RunningProcess  # noqa: E402
-from scene_pictures import share_of_blue, share_of_red, shown  # noqa: E402
+from scene_pictures import is_drawn  # noqa: E402
 from soak import measure  # noqa: E402
 from stack import START_TIMEOUT_S, Stack  # noqa: E402
 from studio_stack import POLICIES, free_port, wait_for_page  # noqa: E402
@@ -153,9 +153,8 @@ def first_picture() -> dict[str, Any]:
     with studio(1.0, feeds=False) as one, open_page("about:blank") as page:
         begin_s = time.monotonic()
         page.goto(one.address)
-        drawn = shown(page)
-        while not (share_of_blue(drawn) > 0.01 and share_of_red(drawn) > 0.003):
-            drawn = shown(page)
+        while not is_drawn(page):
+            pass
         return {"first_picture_s": time.monotonic() - begin_s}
 
 

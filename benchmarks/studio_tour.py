@@ -37,7 +37,7 @@ from msrd_ros.nodes.common import EVENT  # noqa: E402
 from msrd_ros.recordings.episodes import read_episodes  # noqa: E402
 from msrd_ros.recordings.library import BagLibrary  # noqa: E402
 from msrd_ros.robots.loading import default_robot  # noqa: E402
-from scene_pictures import share_of_blue, share_of_red, shown  # noqa: E402
+from scene_pictures import is_drawn  # noqa: E402
 from stack import Stack  # noqa: E402
 from studio_stack import free_port  # noqa: E402
 from teach_page import (  # noqa: E402
@@ -188,9 +188,8 @@ def tour(out: Path, variations: int, seed: int) -> dict[str, Any]:
         address = studio.wait_for_line(r"studio: open (\S+)", 300.0).group(1)
         up_s = time.monotonic()
         with open_page(address) as page:
-            drawn = shown(page)
-            while not (share_of_blue(drawn) > 0.01 and share_of_red(drawn) > 0.003):
-                drawn = shown(page)
+            while not is_drawn(page):
+                pass
             first_s = time.monotonic()
             person = Tour(page, stack, bags)
             person.sketch()

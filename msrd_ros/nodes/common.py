@@ -58,6 +58,8 @@ STATE = _reliable(1000)
 INSTANCE, UP_S = "instance", "up_s"
 """What every node says of itself in /diagnostics: which process it is, and how long it has been up."""
 
+SIDE_OF = "side_"
+"""What begins a key of an executor's diagnostics; a label that it has policies for follows."""
 COMPLAINT_PERIOD_S = 1.0
 MOST_COMPLAINTS = 100
 SHUTDOWN_S = 0.5

@@ -17,7 +17,7 @@ from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.command_output import CommandOutput
-from msrd_ros.nodes.common import robot_parameter, run, steady_timer
+from msrd_ros.nodes.common import SIDE_OF, robot_parameter, run, steady_timer
 from msrd_ros.nodes.latched import hear_latched
 from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
 from msrd_ros.nodes.speakers import SoleSpeaker
@@ -149,7 +149,7 @@ class Executor(ManagedNode):
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """The phase of the stroke, and what is played."""
         phase = self._player.phase.value if self._player else "no joint_states yet"
-        policies = self._exchange.policies
+        playable = self._exchange.policies.facts if self._exchange.policies else {}
         return phase, {
             "enabled": self.config.enabled,
             "gives_way": self.gives_way,
@@ -157,7 +157,7 @@ class Executor(ManagedNode):
             "policies": self._exchange.digest,
             "commands": self._output.sent,
             **self._counts,
-            **({f"side_{label}": facts.side for label, facts in policies.facts.items()} if policies else {}),
+            **{SIDE_OF + label: facts.side for label, facts in playable.items()},
         }
 
     def waits_for(self) -> list[str]:
@@ -296,7 +296,7 @@ class Executor(ManagedNode):
     def _has_paused(self, player: StrokePlayer) -> bool:
         if self._lockstep:
             return self._gave_way
-        paused = not self._lockstep and self._now_s() - self._output.sent_s > RESUME_S
+        paused = self._now_s() - self._output.sent_s > RESUME_S
         return paused and self._may_move and not np.any(player.reference.velocity)
 
     def _adopt(self, player: StrokePlayer) -> None:

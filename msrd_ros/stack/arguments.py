@@ -142,8 +142,12 @@ class Values(Mapping[str, Value]):
         assert isinstance(value, int)
         return value
 
-    def pick(self, **arguments: str) -> dict[str, Value]:
-        """Parameters of a node, each from the argument that is named, as far as something is said."""
+    def pick(self, *same: str, **arguments: str) -> dict[str, Value]:
+        """Parameters of a node, each from the argument of the same name or of the one that is named for it.
+
+        As far as something is said.
+        """
+        arguments = {**{name: name for name in same}, **arguments}
         return {
             parameter: self._values[argument]
             for parameter, argument in arguments.items()

@@ -172,9 +172,9 @@ def _patience(values: Values) -> dict[str, Value]:
 
 
 def _teach(values: Values) -> tuple[Stage, ...]:
-    simulator = NodeCall("simulator", values.pick(robot="robot", gui="gui", seed="seed"))
-    recorder = NodeCall("recorder", values.pick(robot="robot", directory="bags"))
-    study = values.pick(robot="robot", subjects="subjects", recordings="recordings", seed="seed")
+    simulator = NodeCall("simulator", values.pick("robot", "gui", "seed"))
+    recorder = NodeCall("recorder", values.pick("robot", directory="bags"))
+    study = values.pick("robot", "subjects", "recordings", "seed")
     return (
         Stage(
             "record",
@@ -185,10 +185,8 @@ def _teach(values: Values) -> tuple[Stage, ...]:
 
 
 def _play(values: Values) -> tuple[Stage, ...]:
-    simulator = NodeCall("simulator", values.pick(robot="robot", mode="mode", gui="gui", seed="seed"))
-    executor = NodeCall(
-        "executor", values.pick(robot="robot", mode="mode", checkpoint="checkpoint", seed="seed")
-    )
+    simulator = NodeCall("simulator", values.pick("robot", "mode", "gui", "seed"))
+    executor = NodeCall("executor", values.pick("robot", "mode", "checkpoint", "seed"))
     nodes = [simulator, executor]
     if values.number("balls"):
         if "checkpoint" not in values:
@@ -196,35 +194,20 @@ def _play(values: Values) -> tuple[Stage, ...]:
                 f"play: nothing to play without policies: give checkpoint:=FILE, such as out/demo/training/"
                 f"{POLICIES_FILE} of `up demo`, or balls:=0 to wait for those of a trainer"
             )
-        asked = values.pick(
-            robot="robot",
-            checkpoint="checkpoint",
-            labels="labels",
-            balls="balls",
-            report="report",
-            seed="seed",
-        )
+        asked = values.pick("robot", "checkpoint", "labels", "balls", "report", "seed")
         nodes.append(NodeCall("evaluator", {**_patience(values), **asked}, Part.ENDS))
     return (Stage("play", "Play every strategy", tuple(nodes)),)
 
 
 def _train(values: Values) -> tuple[Stage, ...]:
-    picked = values.pick(
-        robot="robot",
-        bags="bags",
-        labels="labels",
-        out="out",
-        resume="resume",
-        iterations="iterations",
-        seed="seed",
-    )
+    picked = values.pick("robot", "bags", "labels", "out", "resume", "iterations", "seed")
     return (Stage("train", "Train", (NodeCall("trainer", picked, Part.ENDS),)),)
 
 
 def _demo(values: Values) -> tuple[Stage, ...]:
     out, seed = Path(values.text("out")), values.number("seed")
     bags, training = str(out / "bags"), out / "training"
-    robot = values.pick(robot="robot")
+    robot = values.pick("robot")
     study = {name: values[name] for name in ("subjects", "recordings", "seed")}
     taught = Values({**robot, **study, "bags": bags})
     checkpoint = str(training / POLICIES_FILE)
@@ -233,7 +216,7 @@ def _demo(values: Values) -> tuple[Stage, ...]:
         {**robot, "checkpoint": checkpoint, "balls": values["balls"], "seed": seed, "report": report}
     )
     trainer: dict[str, Value] = {
-        **values.pick(robot="robot", iterations="iterations"),
+        **values.pick("robot", "iterations"),
         "source": "played",
         "wanted": values.number("subjects") * values.number("recordings"),
         "idle_start_s": 15.0,
@@ -270,29 +253,20 @@ def _demo(values: Values) -> tuple[Stage, ...]:
 
 
 def _studio(values: Values) -> tuple[Stage, ...]:
-    robot, mode = values.pick(robot="robot"), values.text("mode")
+    robot, mode = values.pick("robot"), values.text("mode")
     has_driver = values.text("arm") == "real"
     if has_driver and mode != "real_time":
         raise UserError("studio arm:=real: a real arm goes by the clock; say mode:=real_time, too")
     paced: dict[str, Value] = {"rate": 1.0} if mode == "lockstep" else {}
-    simulator = NodeCall("simulator", {**robot, **values.pick(mode="mode", seed="seed"), **paced})
+    simulator = NodeCall("simulator", {**robot, **values.pick("mode", "seed"), **paced})
     recorder = NodeCall("recorder", {**robot, **values.pick(directory="bags")})
     played: dict[str, Value] = {
         "checkpoint": values.text("checkpoint") or _policies_of(values.text("robot") or DEFAULT_ROBOT)
     }
-    executor = NodeCall("executor", {**robot, **values.pick(mode="mode"), **played, "seed": values["seed"]})
+    executor = NodeCall("executor", {**robot, **values.pick("mode"), **played, "seed": values["seed"]})
     if has_driver:
         executor = executor.having(enabled=False)
-    page = values.pick(
-        bags="bags",
-        run="run",
-        runs="runs",
-        mode="mode",
-        port="port",
-        expose="expose",
-        token="token",
-        seed="seed",
-    )
+    page = values.pick("bags", "run", "runs", "mode", "port", "expose", "token", "seed")
     return (
         Stage(
             "studio",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from msrd_ros.core.paddle import BLADE_RADIUS_M, BLADE_THICKNESS_M
 from msrd_ros.robots.rotations import quaternion_from_rotation
 from msrd_ros.studio.private_viser import PrivateViser
+from msrd_ros.studio.scene import segments
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.teachers.sketch import Moment
 from msrd_ros.table_tennis.teachers.sketch_plan import SketchPlan
@@ -83,9 +84,8 @@ class Ghosts:
             self._lines.pop(name).remove()
         if len(points) < 2:
             return
-        rows = points[np.linspace(0, len(points) - 1, _POINTS + 1).round().astype(int)].astype(np.float32)
         self._lines[name] = self._viser.server.scene.add_line_segments(
-            f"/sketch/{name}", np.stack([rows[:-1], rows[1:]], axis=1), colour, thickness=_THICK_M[name]
+            f"/sketch/{name}", segments(points, _POINTS), colour, thickness=_THICK_M[name]
         )
 
     def _show_landing(self, plan: SketchPlan, colour: tuple[int, int, int]) -> None:

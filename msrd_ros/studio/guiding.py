@@ -12,6 +12,7 @@ from msrd_ros.robots.inverse_kinematics import joint_rates_for_twist
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
 from msrd_ros.robots.robot import Robot
 from msrd_ros.robots.rotations import quaternion_from_rotation, turn_between, turned
+from msrd_ros.studio.views import rounded
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture
 from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
 from msrd_ros.table_tennis.teachers.impedance_guidance import leading_wrench
@@ -192,9 +193,9 @@ class DraggedStroke:
         """Where paddle and ball are in the plane, and what is out of reach, as JSON has it."""
         ball = None if self._ball is None else self.plane.inside(self._ball)
         return {
-            "pacer": _rounded(self._pacer),
-            "paddle": _rounded(self._here),
-            "ball": None if ball is None else _rounded(ball),
+            "pacer": rounded(self._pacer),
+            "paddle": rounded(self._here),
+            "ball": None if ball is None else rounded(ball),
             "holds": self.holds,
             "beyond": [str(violation) for violation in self.beyond],
         }
@@ -211,13 +212,8 @@ def guide_view(robot: Robot, plan: SketchPlan) -> dict[str, Any]:
     plane = GuidedPlane(robot, plan)
     ball = plan.prediction.path[: round(plan.stroke.hit_time_s / PLAN_PERIOD_S) + 1 : 12, :3]
     return {
-        "ball_path": [_rounded(plane.inside(row)) for row in ball],
+        "ball_path": [rounded(plane.inside(row)) for row in ball],
         "ghosts": {
-            str(moment): _rounded(plane.inside(ghost.position))
-            for moment, ghost in plan.sketch.ghosts.items()
+            str(moment): rounded(plane.inside(ghost.position)) for moment, ghost in plan.sketch.ghosts.items()
         },
     }
-
-
-def _rounded(values: Array) -> list[float]:
-    return [round(float(value), 4) for value in values]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ from msrd_ros.studio.control import Answer
 from msrd_ros.studio.curves import Curves
 from msrd_ros.studio.library import Library
 from msrd_ros.studio.requests import Request
-from msrd_ros.studio.runs import Runs, link_bags
+from msrd_ros.studio.runs import Runs, count_labels, link_bags
 from msrd_ros.studio.training import Training
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.training import POLICIES_FILE, StrokeTrainingConfig
@@ -120,10 +119,7 @@ class Learn:
     # -- what is learned from ------------------------------------------------------------------
 
     def _demonstrations(self, _: Request) -> tuple[str, dict[str, Any]]:
-        counts = {
-            source: dict(sorted(Counter(str(bag.label) for bag in self._bags(source)).items()))
-            for source in ("own", "shipped")
-        }
+        counts = {source: count_labels(self._bags(source)) for source in ("own", "shipped")}
         return "", {**counts, "name": self._runs.free_name(), "iterations": StrokeTrainingConfig.iterations}
 
     def _bags(self, source: str) -> list[BagInfo]:
@@ -148,9 +144,9 @@ class Learn:
         found = [
             bag
             for source in ("own", "shipped")
-            for labels in [_labels(request, source)]
+            if (labels := _labels(request, source))
             for bag in self._bags(source)
-            if labels and bag.label in labels
+            if bag.label in labels
         ]
         found += [read_info(self._library.place(name)) for name in request.texts("bags", MOST_BAGS, 0)]
         chosen = list({bag.path.resolve(): bag for bag in found}.values())

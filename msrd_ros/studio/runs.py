@@ -152,6 +152,11 @@ def _linked(run: Path) -> dict[str, int]:
         bags = BagLibrary.scan(run / BAGS_FOLDER).bags
     except UserError:
         return {}
+    return count_labels(bags)
+
+
+def count_labels(bags: Iterable[BagInfo]) -> dict[str, int]:
+    """How many bags each label has, by name."""
     return dict(sorted(Counter(str(bag.label) for bag in bags).items()))
 
 

@@ -124,13 +124,9 @@ class TableScene:
         self._laid = []
         for number, path in enumerate(paths):
             for name, points, thickness in (("ball", path.ball, 0.01), ("paddle", path.paddle, 0.018)):
-                rows = points.astype(np.float32)
                 self._laid.append(
                     self.viser.server.scene.add_line_segments(
-                        f"/laid/{number}/{name}",
-                        np.stack([rows[:-1], rows[1:]], axis=1),
-                        path.colours,
-                        thickness=thickness,
+                        f"/laid/{number}/{name}", segments(points), path.colours, thickness=thickness
                     )
                 )
 
@@ -145,9 +141,7 @@ class TableScene:
         self._trail.visible = len(trail) > 1
         if len(trail) < 2:
             return
-        rows = np.linspace(0, len(trail) - 1, TRAIL_POINTS + 1).round().astype(int)
-        points = trail[rows].astype(np.float32)
-        self._trail.points = np.stack([points[:-1], points[1:]], axis=1)
+        self._trail.points = segments(trail, TRAIL_POINTS)
 
     def _show_spin(self, spin: Array | None) -> None:
         size = 0.0 if spin is None else float(np.linalg.norm(spin))
@@ -191,6 +185,13 @@ class TableScene:
             dimensions=(net.thickness_m, table.width_m + 2 * net.overhang_m, net.height_m),
             position=(0.0, 0.0, table.height_m + net.height_m / 2),
         )
+
+
+def segments(points: Array, count: int | None = None) -> NDArray[np.float32]:
+    """A path (T, 3) as a line, (K, 2, 3): from each point to the next, or `count` evenly chosen pieces."""
+    last = len(points) - 1
+    rows = points[np.linspace(0, last, (last if count is None else count) + 1).round().astype(int)]
+    return np.stack([rows[:-1], rows[1:]], axis=1).astype(np.float32)
 
 
 def _table_lines(length: float, width: float) -> list[tuple[str, tuple[float, float], tuple[float, float]]]:

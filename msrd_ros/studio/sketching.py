@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,6 @@ from msrd_ros.table_tennis.teachers.sketch_plan import SketchPlan, plan_sketch
 Array = NDArray[np.float64]
 
 _REACH_M = 3.5
-_POINTS = 80
-"""Of a path that is told to a page."""
 _SNAP_S = 0.15
 """So far the contact is shifted in time to where the ball comes nearest to the ghost."""
 
@@ -61,9 +58,7 @@ class Sketching:
         UserError
             If none has been begun.
         """
-        if self.plan is None:
-            raise UserError("nothing is sketched yet; give the stroke a name, and press Begin")
-        return self.plan.sketch
+        return self._require_begun().sketch
 
     def require_plan(self) -> SketchPlan:
         """What is to be led.
@@ -73,9 +68,13 @@ class Sketching:
         UserError
             If nothing is sketched, or the arm cannot do it; tells which joint, and by how much.
         """
+        plan = self._require_begun()
+        plan.require_possible()
+        return plan
+
+    def _require_begun(self) -> SketchPlan:
         if self.plan is None:
             raise UserError("nothing is sketched yet; give the stroke a name, and press Begin")
-        self.plan.require_possible()
         return self.plan
 
     def begin(self, label: StrategyLabel, side: Side) -> str:
@@ -117,37 +116,6 @@ class Sketching:
         self.plan = plan_sketch(self._robot, replace(sketch, ready_rad=tuple(map(float, wind_up))))
         self._ghosts.show(self.plan)
 
-    def told(self) -> dict[str, Any] | None:
-        """The sketch and what comes of it, as JSON has it; None if there is none."""
-        if self.plan is None:
-            return None
-        plan, sketch = self.plan, self.plan.sketch
-        outcome = plan.prediction.outcome
-        bad = {violation.ghost for violation in plan.violations}
-        return {
-            "name": str(sketch.strategy),
-            "side": str(sketch.side),
-            "ghosts": {
-                str(moment): {
-                    "position": _rounded(ghost.position),
-                    "normal": _rounded(ghost.rotation[:, 1]),
-                    "blade": _rounded(ghost.rotation[:, 2]),
-                    "bad": str(moment) in bad,
-                }
-                for moment, ghost in sketch.ghosts.items()
-            },
-            "contact_s": round(sketch.contact_s, 3),
-            "swing_s": round(sketch.contact_s - plan.moments_s[Moment.WIND_UP], 3),
-            "follow_s": round(plan.stroke.follow_s, 3),
-            "paddle_path": _thinned(plan.paddle[:, :3]),
-            "ball_path": _thinned(plan.prediction.path[:, :3]),
-            "violations": [str(violation) for violation in plan.violations],
-            "outcome": outcome.message,
-            "returned": outcome.returned,
-            "spin_rad_s": _known(outcome.spin_y_rad_s),
-            "landing_m": [_known(outcome.landing_x_m), _known(outcome.landing_y_m)],
-        }
-
 
 def _nearest_s(sketch: Sketch) -> float:
     """When the ball comes nearest to the contact's ghost, near the moment that was meant."""
@@ -160,16 +128,3 @@ def _nearest_s(sketch: Sketch) -> float:
         np.linalg.norm(path_at(path, PATH_PERIOD_S, time)[:3] - sketch.contact.position) for time in times
     ]
     return float(times[int(np.argmin(ways))])
-
-
-def _thinned(rows: Array) -> list[list[float]]:
-    places = np.linspace(0, len(rows) - 1, _POINTS).round().astype(int)
-    return [_rounded(row) for row in rows[places]]
-
-
-def _rounded(values: Array) -> list[float]:
-    return [round(float(value), 4) for value in values]
-
-
-def _known(value: float) -> float | None:
-    return round(float(value), 3) if np.isfinite(value) else None

@@ -18,7 +18,7 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.explain.figure import MOST_STROKES
-from msrd_ros.nodes.common import StackNode, robot_parameter, run, steady_timer
+from msrd_ros.nodes.common import SIDE_OF, StackNode, robot_parameter, run, steady_timer
 from msrd_ros.nodes.given_files import given_files
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.studio.control import FASTEST, SLOWEST, Answer, Control
@@ -40,8 +40,6 @@ from msrd_ros.studio.watch import Watch
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Side, Strategies
 
 STATE_PERIOD_S = 0.1
-PLAYABLE = "side_"
-"""What the names of an executor's figures begin with that tell whom it has policies for."""
 TEACH_STREAM = 0x7EAC
 FEED_AGAIN_S = 8.0
 """A ball of which nothing has been heard for so long is followed by the next."""
@@ -218,9 +216,11 @@ class Studio(StackNode):
 
     def _playable(self) -> dict[str, Side]:
         """What the executor has policies for, and where each stands."""
-        told = self._watch.values("executor")
-        named = {key.removeprefix(PLAYABLE): side for key, side in told.items() if key.startswith(PLAYABLE)}
-        return {label: side for label in named for side in Side if side == named[label]}
+        return {
+            key.removeprefix(SIDE_OF): Side(side)
+            for key, side in self._watch.values("executor").items()
+            if key.startswith(SIDE_OF) and side in tuple(Side)
+        }
 
     # -- what is asked for ---------------------------------------------------------------------
 

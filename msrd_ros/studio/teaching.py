@@ -19,8 +19,10 @@ from msrd_ros.studio.requests import Request
 from msrd_ros.studio.series import Series
 from msrd_ros.studio.sketching import Sketching
 from msrd_ros.studio.task import FULL_SPEED, Task
+from msrd_ros.studio.views import sketch_view
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.strategies.table import Side
+from msrd_ros.table_tennis.teachers.sketch_plan import SketchPlan
 from msrd_ros.table_tennis.teachers.sketched_stroke import SketchedStroke
 
 Verb = Callable[[Request, Answer], None]
@@ -70,6 +72,8 @@ class Teaching:
         self._later, self._rng = later, rng
         self._guided: DraggedStroke | None = None
         self._series: Series | None = None
+        self._drawn_plan: SketchPlan | None = None
+        self._drawn_told: dict[str, Any] = {"sketch": None, "guide": None}
         self.verbs: dict[str, Verb] = {
             "teach_begin": self._do_begin,
             "teach_move": self._drawn(sketching.move),
@@ -99,12 +103,19 @@ class Teaching:
             "leads": leading.leads,
             "real": not leading.is_simulated,
             "trouble": leading.trouble,
-            "sketch": self._sketching.told(),
-            "guide": guide_view(self._robot, self._sketching.plan) if self._sketching.plan else None,
+            **self._drawing(),
             "guided": guided.told() if guided is not None else None,
             "series": self._series.told() if self._series is not None else None,
             "strokes": self._keeping.told(),
         }
+
+    def _drawing(self) -> dict[str, Any]:
+        """The sketch and the plane that it is guided in, worked out once a plan; it is told all the time."""
+        plan = self._sketching.plan
+        if plan is not None and plan is not self._drawn_plan:
+            self._drawn_plan = plan
+            self._drawn_told = {"sketch": sketch_view(plan), "guide": guide_view(self._robot, plan)}
+        return self._drawn_told
 
     def forget(self, browser: int) -> None:
         """A browser is gone; what it held it lets go of."""

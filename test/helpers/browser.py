@@ -15,6 +15,14 @@ REQUIRED = "MSRD_TEST_BROWSER"
 """Set to ``required`` where a missing browser is a failure, as in continuous integration."""
 PATIENCE_S = 60.0
 SIZE = {"width": 1280, "height": 800}
+_ASK = """(request) => new Promise((resolve) => {
+    const socket = new WebSocket(`ws://${location.host}/live`);
+    socket.onopen = () => socket.send(JSON.stringify(request));
+    socket.onmessage = (event) => {
+        const message = JSON.parse(event.data);
+        if (message.type === "answer") resolve(message);
+    };
+})"""
 _FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--mute-audio"]
 
 
@@ -25,6 +33,12 @@ def browser_path() -> str:
         say = pytest.fail if os.environ.get(REQUIRED) == "required" else pytest.skip
         say(f"no browser: none of {', '.join(NAMES)} is on the PATH (Debian, Ubuntu: apt install chromium)")
     return str(found)
+
+
+def ask_unasked(page: Page, **request: object) -> dict[str, object]:
+    """Ask the studio for something over a connection of its own, whatever the page would send; the answer."""
+    answer: dict[str, object] = page.evaluate(_ASK, {**request, "id": 1})
+    return answer
 
 
 @contextmanager

@@ -22,6 +22,12 @@ def shown(page: Page) -> Picture:
     return np.asarray(Image.open(io.BytesIO(drawn)).convert("RGB"), np.int64)
 
 
+def is_drawn(page: Page) -> bool:
+    """Whether table and arm are to be seen."""
+    drawn = shown(page)
+    return share_of_blue(drawn) > 0.01 and share_of_red(drawn) > 0.003
+
+
 def share_of_blue(drawn: Picture) -> float:
     """How much of it is blue, as the table is."""
     red, green, blue = np.moveaxis(drawn, 2, 0)

@@ -17,7 +17,7 @@ STILL = slice(20, 24)
 
 
 def findings(period_s: float, moves: bool) -> list[Finding]:
-    """What is found where a stamp is told several times more, so far apart, as of an arm that moves or not."""
+    """What is found where a stamp is told four times more, so far apart, of an arm that moves or not."""
     stamps = PERIOD_NS * np.arange(ROWS)
     received = stamps.copy()
     received[STILL.start :] += round(period_s * 1e9) * np.minimum(np.arange(1, ROWS - STILL.start + 1), 4)

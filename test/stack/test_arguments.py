@@ -73,6 +73,7 @@ def test_what_is_not_allowed_is_refused_with_what_is(texts: dict[str, str], said
 def test_parameters_are_picked_from_the_arguments_of_which_something_is_said() -> None:
     values = read_values("play", ARGUMENTS, {"mode": "fast"})
     assert values.pick(speed="mode", count="balls", window="gui") == {"speed": "fast", "count": 3}
+    assert values.pick("mode", "gui", count="balls") == {"mode": "fast", "count": 3}
 
 
 def test_words_are_taken_apart() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from browser import browser_path, open_page
+from browser import ask_unasked, browser_path, open_page
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from renamed_bags import rename_strokes
@@ -176,19 +176,9 @@ def test_studio_learn_does_not_double_a_trainer_from_elsewhere(
     trainer.wait_for_line("waiting for 9 demonstrations")
     wait_for_phase(page, "Somebody else's trainer is at work")
     expect(page.locator("#start-training")).to_be_disabled()
-    # Whatever a page would send.
-    answer = page.evaluate(
-        """() => new Promise((resolve) => {
-            const socket = new WebSocket(`ws://${location.host}/live`);
-            socket.onopen = () => socket.send(JSON.stringify({do: "train", id: 1}));
-            socket.onmessage = (event) => {
-                const message = JSON.parse(event.data);
-                if (message.type === "answer") resolve(message);
-            };
-        })"""
-    )
+    answer = ask_unasked(page, do="train")
     assert answer["ok"] is False
-    assert "somebody else's trainer is in the graph" in answer["text"]
+    assert "somebody else's trainer is in the graph" in str(answer["text"])
     assert trainer.stop() == 0
     expect(page.locator("#start-training")).to_be_enabled()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from browser import browser_path, open_page
+from browser import ask_unasked, browser_path, open_page
 from msrd_ros.bags.info import read_info
 from msrd_ros.recordings.table import rows
 from quick_rewards import shipped_bag
@@ -126,15 +126,6 @@ def test_studio_library_flags_and_trims(page: Page, bags: Path) -> None:
 
 def test_studio_library_refuses_what_is_not_in_its_folder(page: Page) -> None:
     page.evaluate("document.getElementById('discard').disabled = false")
-    answer = page.evaluate(
-        """() => new Promise((resolve) => {
-            const socket = new WebSocket(`ws://${location.host}/live`);
-            socket.onopen = () => socket.send(JSON.stringify({do: "discard", id: 1, bag: "../../etc"}));
-            socket.onmessage = (event) => {
-                const message = JSON.parse(event.data);
-                if (message.type === "answer") resolve(message);
-            };
-        })"""
-    )
+    answer = ask_unasked(page, do="discard", bag="../../etc")
     assert answer["ok"] is False
-    assert "no bag '../../etc'" in answer["text"]
+    assert "no bag '../../etc'" in str(answer["text"])
