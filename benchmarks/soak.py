@@ -21,7 +21,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 from faults.nodes import play  # noqa: E402
 from faults.trials import Finding, Setting  # noqa: E402
 
-SAMPLE_S = 10.0
+SAMPLE_S = 30.0
 MEMORY_SLACK = 0.1
 """Growth of the memory in use over the run, as a share, that is still called flat."""
 COUNT_SLACK = 2
@@ -75,6 +75,8 @@ def main() -> int:
             for name, process in scene.nodes.items():
                 if process.running:
                     samples.setdefault(name, []).append(measure(process.pid))
+            hours = (scene.guard.outcome_s - first_s) / 3600.0
+            print(f"{hours:.2f} h, {scene.guard.outcomes} balls", file=sys.stderr, flush=True)
         balls, lockstep_s = scene.guard.outcomes, scene.guard.outcome_s - first_s
     for name, taken in samples.items():
         for line in judge(taken):

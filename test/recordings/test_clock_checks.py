@@ -12,19 +12,19 @@ from msrd_ros.recordings.verdict import Finding, Refusal
 
 PERIOD_NS = 20_000_000
 ROWS = 40
-STILL = slice(20, 24)
-"""Rows that carry the stamp of the row before them."""
+FIRST_STILL = 20
 
 
-def findings(period_s: float, moves: bool) -> list[Finding]:
-    """What is found where a stamp is told four times more, so far apart, of an arm that moves or not."""
+def findings(period_s: float, moves: bool, times: int = 4) -> list[Finding]:
+    """What is found where a stamp is told some times more, so far apart, of an arm that moves or not."""
+    still = slice(FIRST_STILL, FIRST_STILL + times)
     stamps = PERIOD_NS * np.arange(ROWS)
     received = stamps.copy()
-    received[STILL.start :] += round(period_s * 1e9) * np.minimum(np.arange(1, ROWS - STILL.start + 1), 4)
+    received[still.start :] += round(period_s * 1e9) * np.minimum(np.arange(1, ROWS - still.start + 1), times)
     values = np.linspace(0.0, 1.0, ROWS)[:, None] * np.ones(7)
-    stamps[STILL] = stamps[STILL.start - 1]
+    stamps[still] = stamps[still.start - 1]
     if not moves:
-        values[STILL] = values[STILL.start - 1]
+        values[still] = values[still.start - 1]
     rows = np.arange(ROWS)
     joints = Track("joint_states", stamps, received, received, rows, values, np.zeros_like(values))
     ball = joints.select(rows < 0)
@@ -33,6 +33,10 @@ def findings(period_s: float, moves: bool) -> list[Finding]:
 
 def test_a_tick_that_is_told_once_more_while_its_answer_is_late_is_no_clock() -> None:
     assert findings(0.25, moves=False) == []
+
+
+def test_the_first_picture_of_a_flight_may_come_late_with_the_stamp_of_the_launch() -> None:
+    assert findings(0.4, moves=True, times=1) == []
 
 
 @pytest.mark.parametrize(("period_s", "moves"), [(0.25, True), (0.03, True), (0.03, False)])
