@@ -66,7 +66,7 @@ class Tour:
     # -- teaching ------------------------------------------------------------------------------
 
     def sketch(self) -> None:
-        """What is offered is a push: a drive goes up through the ball, its face closed; one is a bit other."""
+        """What is offered is a push; a drive goes up through the ball, its face closed."""
         begin_sketch(self._page, NAME)
         drag_ghost(self._page, "wind-up", 0.0, -12.0)
         drag_ghost(self._page, "follow-through", 0.0, 6.0)

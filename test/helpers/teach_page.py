@@ -58,7 +58,8 @@ def turn_ghost(page: Page, moment: str, angle_rad: float) -> None:
     """Turn a ghost in the view from the side, anticlockwise; small angles only."""
     ghost = f"#teach-side-view g[data-moment={moment}]"
     place, handle = centre(page, f"{ghost} .grip"), centre(page, f"{ghost} .turn")
-    assert place is not None and handle is not None
+    assert place is not None
+    assert handle is not None
     (u, v), (x, y) = place, handle
     page.mouse.move(x, y)
     page.mouse.down()
