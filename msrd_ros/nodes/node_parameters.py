@@ -82,9 +82,11 @@ def is_own(name: str) -> bool:
 
 
 def fit(given: Parameter, default: object) -> Parameter:
-    """Let `2` stand for `2.0`: YAML and command lines write whole numbers without a point."""
+    """Let `2` stand for `2.0`, and a text for a list of it: so YAML and command lines are written."""
     if isinstance(default, float) and given.type_ == Parameter.Type.INTEGER:
         return Parameter(given.name, Parameter.Type.DOUBLE, float(given.value))
+    if isinstance(default, list) and given.type_ == Parameter.Type.STRING:
+        return Parameter(given.name, Parameter.Type.STRING_ARRAY, [given.value])
     return given
 
 

@@ -31,6 +31,7 @@ class LampConfig:
     brightness: float = parameter(0.5, "How bright", unit="cd", low=0.0, high=1.0, live=True)
     colour: str = parameter("white", "Of its light", choices=("white", "red"), live=True)
     owner: str = parameter("nobody", "Whose it is", live=True, check=lower_case)
+    rooms: list[str] = parameter([], "Where it is wanted", live=True)
     socket: str = parameter("E27", "What it is screwed into")
 
 
@@ -75,6 +76,10 @@ def test_a_live_parameter_takes_effect_at_once(lamp: Lamp) -> None:
     assert lamp.get_parameter("brightness").value == 1.0
     assert set_to(lamp, owner="me") == ""
     assert lamp.burning == [(0.75, "white"), (1.0, "white")]
+    assert set_to(lamp, rooms="hall") == ""
+    assert lamp.config.rooms == ["hall"]
+    assert set_to(lamp, rooms=["hall", "attic"]) == ""
+    assert lamp.config.rooms == ["hall", "attic"]
 
 
 def test_several_are_set_together_or_not_at_all(lamp: Lamp) -> None:
@@ -103,7 +108,7 @@ def test_several_are_set_together_or_not_at_all(lamp: Lamp) -> None:
             "E14",
             "parameter socket of lamp can only be set when it starts: with --ros-args -p soc",
         ),
-        ("volts", 12, "parameter volts is unknown to lamp; it has brightness, colour, owner, socket"),
+        ("volts", 12, "parameter volts is unknown to lamp; it has brightness, colour, owner, rooms, socket"),
     ],
 )
 def test_a_refusal_names_parameter_value_and_what_is_allowed(
