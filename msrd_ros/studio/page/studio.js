@@ -364,7 +364,7 @@ $("compare").onclick = () => {
 };
 $("explain").onclick = () => ask("explain", { bags: chosen }, showTold);
 $("relabel").onclick = () => {
-  const label = askText("New label: a-z, 0-9 and hyphen", rows.find((row) => row.bag === chosen[0]).label);
+  const label = askText("New label: a-z, 0-9 and hyphen; unlabelled takes it away", rows.find((row) => row.bag === chosen[0]).label);
   if (label) edit("relabel", { label });
 };
 $("trim").onclick = () => {
