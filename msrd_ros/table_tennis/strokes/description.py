@@ -1,4 +1,4 @@
-"""What a strategy does with the ball, in words and numbers: by that a person recognises one without a name."""
+"""What a strategy does with the ball, in words and numbers, by which a person recognises it."""
 
 from __future__ import annotations
 
@@ -149,7 +149,4 @@ def _spreads(values: NDArray[np.float64]) -> tuple[Spread, ...] | None:
     """Of columns (n, K), K of them; None of no rows."""
     if not len(values):
         return None
-    return tuple(
-        Spread(float(mean), float(sd))
-        for mean, sd in zip(values.mean(axis=0), values.std(axis=0), strict=True)
-    )
+    return tuple(Spread(float(column.mean()), float(column.std())) for column in values.T)
