@@ -141,7 +141,9 @@ def _borders() -> tuple[float, float]:
 
 def _known(outcomes: Sequence[Outcome], names: Sequence[str]) -> NDArray[np.float64]:
     """Some numbers of outcomes, (n, len(names)), of those that have them."""
-    values = np.array([[getattr(one, name) for name in names] for one in outcomes]).reshape(-1, len(names))
+    values: NDArray[np.float64] = np.array(
+        [[getattr(one, name) for name in names] for one in outcomes]
+    ).reshape(-1, len(names))
     return values[np.isfinite(values).all(axis=1)]
 
 
