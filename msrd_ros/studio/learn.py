@@ -11,7 +11,7 @@ from rclpy.node import Node
 from std_msgs.msg import UInt8MultiArray
 
 from msrd_ros.bags.info import BagInfo, read_info
-from msrd_ros.contract.labels import WITHOUT_LABEL, StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.nodes.common import LATCHED
@@ -150,9 +150,6 @@ class Learn:
         ]
         found += [read_info(self._library.place(name)) for name in request.texts("bags", MOST_BAGS, 0)]
         chosen = list({bag.path.resolve(): bag for bag in found}.values())
-        bare = [bag.path.name for bag in chosen if bag.unlabelled]
-        if bare:
-            raise UserError(f"{', '.join(bare)}: {WITHOUT_LABEL}")
         if not chosen:
             raise UserError(
                 "nothing to learn from: choose labels here, or strokes in Strokes; record some first"
