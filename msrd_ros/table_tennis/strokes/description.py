@@ -29,7 +29,7 @@ class Spread(NamedTuple):
     def say(self, digits: int, sign: str = "") -> str:
         """For people, with so many digits after the point; the deviation only where there is one."""
         around = f" ± {self.sd:.{digits}f}" if self.sd else ""
-        return f"{self.mean:{sign}.{digits}f}{around}"
+        return f"{round(self.mean, digits) + 0.0:{sign}.{digits}f}{around}"  # + 0.0: there is no -0
 
 
 @dataclass(frozen=True)

@@ -53,8 +53,8 @@ def test_words_and_numbers_are_of_the_balls_that_came_back() -> None:
 
 
 def test_one_ball_has_no_spread_and_strong_sidespin_is_told() -> None:
-    assert str(Description.of(Side.BACKHAND, [back(0.5, -0.4, 3.0, about_z=80.0)])) == (
-        "backhand, little spin (+3 rad/s), sidespin (+80 rad/s), 4.0 m/s, lands 0.50 m beyond the net, "
+    assert str(Description.of(Side.BACKHAND, [back(0.5, -0.4, -0.3, about_z=80.0)])) == (
+        "backhand, little spin (+0 rad/s), sidespin (+80 rad/s), 4.0 m/s, lands 0.50 m beyond the net, "
         "right (-0.40 m)"
     )
 
