@@ -46,6 +46,7 @@ from teach_page import (  # noqa: E402
     drag_ghost,
     follow_pacer,
     take_paddle,
+    turn_ghost,
     wait_until_free,
 )
 
@@ -65,11 +66,13 @@ class Tour:
     # -- teaching ------------------------------------------------------------------------------
 
     def sketch(self) -> None:
-        """One sketched stroke as it is offered, and one with its follow-through dragged a little."""
+        """What is offered is a push; a drive goes up through the ball, its face closed."""
         begin_sketch(self._page, NAME)
+        drag_ghost(self._page, "wind-up", 0.0, -12.0)
+        drag_ghost(self._page, "follow-through", 0.0, 6.0)
+        turn_ghost(self._page, "contact", -0.1)
         self._lead()
         drag_ghost(self._page, "follow-through", -4.0, 4.0)
-        expect(self._page.locator("#teach-foretold")).to_contain_text("Foretold: returned")
         self._lead()
 
     def guide(self, strokes: int = 2) -> None:
@@ -96,6 +99,7 @@ class Tour:
 
     def _lead(self) -> None:
         self._led += 1
+        expect(self._page.locator("#teach-foretold")).to_contain_text("Foretold: returned")
         self._page.get_by_role("button", name="Lead it").click()
         expect(self._page.locator("#teach-verdict")).to_contain_text(f"{self._led}. ", timeout=1000 * LED_S)
         expect(self._page.locator("#teach-verdict")).to_contain_text("kept as")

@@ -57,8 +57,7 @@ def _check_stamps(track: Track, launch_ns: int, limits: InspectionLimits) -> Ite
         )
         return
     # A simulator that waits for an answer tells the same tick once more; a clock that stands tells of news,
-    # and more than once: a ball has the same stamp where it is launched and in the first picture of its
-    # flight.
+    # and more than once: a ball has one stamp where it is launched and in the first picture of its flight.
     waits = (track.values[1:] == track.values[:-1]).all(axis=1) & (passed_s > limits.joint_gap_s)
     still_s = np.where((step_s == 0.0) & ~waits, passed_s, 0.0)
     begins = np.flatnonzero(np.diff(np.append(0.0, still_s > 0.0)) > 0)

@@ -17,6 +17,7 @@ from msrd_ros.robots.urdf import ORIGIN, WORLD_LINK, read_pose
 Array = NDArray[np.float64]
 
 _GREY = (0.6, 0.6, 0.6, 1.0)
+_ROUGHNESS = 0.7
 _SECTIONS = 24
 """Corners of a drawn circle."""
 
@@ -50,7 +51,17 @@ def arm_meshes(robot: Robot) -> dict[str, Any]:
             shape = _shape(visual, where)
             shape.visual = trimesh.visual.ColorVisuals(shape, face_colors=_colour(visual, colours))
             parts[name].append(shape.apply_transform(_matrix(placed.then(frame(*read_pose(visual, where))))))
-    return {name: trimesh.util.concatenate(shapes) for name, shapes in parts.items() if shapes}
+    return {name: _painted(trimesh.util.concatenate(shapes)) for name, shapes in parts.items() if shapes}
+
+
+def _painted(mesh: Any) -> Any:
+    """The same mesh in paint: without a material glTF has it of metal, which only mirrors what is around."""
+    visual: Any = trimesh.visual
+    paint = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=_ROUGHNESS)
+    colours = mesh.visual.vertex_colors
+    mesh.visual = visual.TextureVisuals(material=paint)
+    mesh.visual.vertex_attributes["color"] = colours
+    return mesh
 
 
 def _shape(visual: ElementTree.Element, where: str) -> Any:

@@ -20,9 +20,12 @@ Array = NDArray[np.float64]
 TRAIL_POINTS = 60
 _TABLE_BLUE, _LINE_WHITE, _FLOOR = (18, 62, 110), (235, 235, 235), (226, 229, 233)
 _BALL_ORANGE, _TRAIL, _SPIN = (255, 128, 0), (255, 150, 50), (120, 40, 200)
+_SKY, _GROUND, _SKY_INTENSITY = (255, 255, 255), (200, 195, 190), 1.6
 _LINE_M = 0.02
 _SPIN_LENGTH_M = 0.15
 """Of the arrow at 100 rad/s."""
+_SEEN_RAD, _SEEN_M, _SEEN_RAD_S = 5e-4, 1e-3, 1.0
+"""What moves less is not seen to move, and is not sent: a browser draws all anew for each message."""
 _CAMERA, _LOOK_AT = (-3.3, -2.2, 1.95), (-0.85, 0.05, 0.85)
 
 
@@ -77,8 +80,10 @@ class TableScene:
         self.viser = PrivateViser()
         scene, facts = self.viser.server.scene, Scene()
         self.viser.server.gui.configure_theme(show_logo=False, show_share_button=False)
-        # Shadows cost a browser without a graphics processor half of its frames.
+        # Shadows, and light from all around, cost a browser without a graphics processor most of its frames.
         scene.configure_default_lights(cast_shadow=False)
+        scene.configure_environment_map(None)
+        scene.add_light_hemisphere("/sky", sky_color=_SKY, ground_color=_GROUND, intensity=_SKY_INTENSITY)
         self.viser.server.initial_camera.position = _CAMERA
         self.viser.server.initial_camera.look_at = _LOOK_AT
         self._furnish(facts)
@@ -100,6 +105,7 @@ class TableScene:
             visible=False,
         )
         self._laid: list[Any] = []
+        self._drawn: dict[str, NDArray[Any] | None] = {}
         self.show(Picture(robot.home_rad, None, np.empty((0, 3)), None))
 
     def close(self) -> None:
@@ -107,15 +113,27 @@ class TableScene:
         self.viser.close()
 
     def show(self, picture: Picture) -> None:
-        """Draw what has changed."""
+        """Draw what is seen to have changed."""
         with self.viser.server.atomic():
-            if picture.joint_position is not None:
+            if self._is_news("arm", picture.joint_position, _SEEN_RAD) and picture.joint_position is not None:
                 self._show_arm(picture.joint_position)
             self._ball.visible = picture.ball is not None
-            if picture.ball is not None:
+            if self._is_news("ball", picture.ball, _SEEN_M) and picture.ball is not None:
                 self._ball.position = picture.ball
-            self._show_trail(picture.trail)
-            self._show_spin(picture.spin)
+            trail = segments(picture.trail, TRAIL_POINTS) if len(picture.trail) > 1 else None
+            self._trail.visible = trail is not None
+            if self._is_news("trail", trail, _SEEN_M) and trail is not None:
+                self._trail.points = trail
+            if self._is_news("spin", picture.spin, _SEEN_RAD_S):
+                self._show_spin(picture.spin)
+
+    def _is_news(self, what: str, now: NDArray[Any] | None, seen: float) -> bool:
+        """Whether something differs by that much from what was drawn last; it is taken for drawn then."""
+        before = self._drawn.get(what)
+        if before is not None and now is not None and np.abs(now - before).max() <= seen:
+            return False
+        self._drawn[what] = now
+        return True
 
     def lay_over(self, paths: Sequence[LaidPath]) -> None:
         """Draw paths over each other, in place of those before."""
@@ -136,12 +154,6 @@ class TableScene:
             if name in self._links:
                 self._links[name].position = position
                 self._links[name].wxyz = np.roll(quaternion_from_rotation(rotation), 1)
-
-    def _show_trail(self, trail: Array) -> None:
-        self._trail.visible = len(trail) > 1
-        if len(trail) < 2:
-            return
-        self._trail.points = segments(trail, TRAIL_POINTS)
 
     def _show_spin(self, spin: Array | None) -> None:
         size = 0.0 if spin is None else float(np.linalg.norm(spin))

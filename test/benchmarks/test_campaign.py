@@ -15,9 +15,9 @@ from faults.files import mutate_bytes, mutate_yaml
 from faults.trials import Finding, NotTriedError, Setting, Trial, run_trials, write_table
 from processes import CHECKOUT
 
-SMALL_PART = ["bags", "policies", "checkpoints", "robots", "strategies", "killed", "stopped", "file-size"]
-SMALL_PART += ["parameter-files", "rubbish"]
-"""About two minutes of it."""
+DAMAGED_FILES = ["bags", "policies", "checkpoints", "robots", "strategies"]
+NODES_IN_TROUBLE = ["killed", "stopped", "file-size", "parameter-files", "rubbish"]
+"""Together about two minutes of it."""
 
 
 def test_a_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
@@ -57,17 +57,23 @@ def test_mutations_change_what_they_get() -> None:
     assert sum(mutate_yaml(document, rng) != document for _ in range(100)) > 80
 
 
-@pytest.mark.processes
 @pytest.mark.timeout(600)
-def test_a_small_part_of_the_campaign_holds(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "part",
+    [
+        pytest.param(DAMAGED_FILES, marks=pytest.mark.slow, id="files"),
+        pytest.param(NODES_IN_TROUBLE, marks=pytest.mark.processes, id="nodes"),
+    ],
+)
+def test_a_small_part_of_the_campaign_holds(part: list[str], tmp_path: Path) -> None:
     campaign = CHECKOUT / "benchmarks" / "campaign.py"
     done = subprocess.run(
-        [sys.executable, campaign, "--share", "0.01", "--only", *SMALL_PART, "--out", tmp_path],
+        [sys.executable, campaign, "--share", "0.01", "--only", *part, "--out", tmp_path],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     entries = [json.loads(line) for line in (tmp_path / "campaign.jsonl").read_text().splitlines()]
-    assert [entry["name"] for entry in entries] == SMALL_PART
+    assert [entry["name"] for entry in entries] == part
     assert all(entry["not_tried"] or entry["finding"]["tried"] > 0 for entry in entries)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 from playwright.sync_api import Page, expect
@@ -50,6 +51,21 @@ def drag_ghost(page: Page, moment: str, right_px: float, up_px: float) -> None:
     page.mouse.down()
     page.mouse.move(x + right_px / 2, y - up_px / 2, steps=4)
     page.mouse.move(x + right_px, y - up_px, steps=4)
+    page.mouse.up()
+
+
+def turn_ghost(page: Page, moment: str, angle_rad: float) -> None:
+    """Turn a ghost in the view from the side, anticlockwise; small angles only."""
+    ghost = f"#teach-side-view g[data-moment={moment}]"
+    place, handle = centre(page, f"{ghost} .grip"), centre(page, f"{ghost} .turn")
+    assert place is not None
+    assert handle is not None
+    (u, v), (x, y) = place, handle
+    page.mouse.move(x, y)
+    page.mouse.down()
+    # The page's y goes down.
+    cos, sin = math.cos(angle_rad), math.sin(-angle_rad)
+    page.mouse.move(u + cos * (x - u) - sin * (y - v), v + sin * (x - u) + cos * (y - v), steps=4)
     page.mouse.up()
 
 

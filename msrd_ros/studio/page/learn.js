@@ -1,6 +1,6 @@
 // The tab Learn: what is learned from, how far training is, what came of the runs.
 
-import { $, ask, chosen, drawn, element, fill, state } from "./studio.js";
+import { $, ask, chosen, drawn, element, fill, state, write } from "./studio.js";
 
 const RUN_COLOURS = ["#12569c", "#c4560b"];
 const LEFT = 38, RIGHT = 430, TOP = 8, BOTTOM = 128;
@@ -81,9 +81,9 @@ function hear() {
   $("learning-bar").hidden = !learning.planned || !learning.phase;
   $("learning-bar").max = learning.planned;
   $("learning-bar").value = learning.iteration;
-  $("learning-said").textContent = account(learning);
+  write($("learning-said"), account(learning));
   $("learning-said").classList.toggle("bad", learning.failed);
-  $("policy-rule").textContent = rule();
+  write($("policy-rule"), rule());
   const now = [learning.phase, learning.run, learning.iteration].join(" ");
   if (now === last || $("learn").hidden) return;
   last = now;

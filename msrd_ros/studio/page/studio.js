@@ -51,16 +51,29 @@ function say(text, ok) {
 
 // -- what is shown -------------------------------------------------------------------------------
 
+// A text or a table that is written anew has the browser draw anew, scene and all, also if it says the same.
+export function write(node, text) {
+  if (node.textContent !== String(text)) node.textContent = text;
+}
+
+const written = new WeakMap();
+export function isNews(node, content) {
+  const text = JSON.stringify(content);
+  if (written.get(node) === text) return false;
+  written.set(node, text);
+  return true;
+}
+
 function show(news) {
   const known = String(state.strategies);
   state = news;
   if (known !== String(state.strategies)) offerStrategies();
   const name = state.replay ? state.replay.label : state.playing || state.wanted;
-  $("strategy").textContent = name || "no strategy";
+  write($("strategy"), name || "no strategy");
   $("strategy").style.borderLeftColor = state.colours[name] || "";
-  $("phase").textContent = state.replay ? `recorded by ${state.replay.subject || "nobody named"}` : phase();
+  write($("phase"), state.replay ? `recorded by ${state.replay.subject || "nobody named"}` : phase());
   $("spin").hidden = state.replay || state.spin_rad_s === null || state.spin_rad_s < 1;
-  $("spin").textContent = `spin ${Math.round(state.spin_rad_s)} rad/s`;
+  write($("spin"), `spin ${Math.round(state.spin_rad_s)} rad/s`);
   showVerdict();
   showStop();
   showTime();
@@ -70,7 +83,7 @@ function show(news) {
   for (const button of $("strategies").children)
     offered(button);
   $("feed-on").classList.toggle("chosen", state.feeds_on);
-  $("feed-on").textContent = state.feeds_on ? "No more balls" : "Feed on and on";
+  write($("feed-on"), state.feeds_on ? "No more balls" : "Feed on and on");
 }
 
 // What the executor has no policy for can be chosen ahead, and is said to be missing.
@@ -96,7 +109,7 @@ function showVerdict() {
   if (!text) return;
   const where = verdict && verdict.landing_m ? ` at ${verdict.landing_m.map((v) => v.toFixed(2)).join(", ")} m` : "";
   const spin = verdict && verdict.spin_rad_s !== null ? `, spin ${Math.round(verdict.spin_rad_s)} rad/s` : "";
-  $("verdict").textContent = text.replace("_", " ") + where + spin;
+  write($("verdict"), text.replace("_", " ") + where + spin);
   $("verdict").classList.toggle("good", text === "returned");
   $("verdict").classList.toggle("bad", text !== "returned");
 }
@@ -104,33 +117,34 @@ function showVerdict() {
 function showStop() {
   $("stop").disabled = !state.driven;
   $("stop").classList.toggle("stopped", state.driven && !state.enabled);
-  if (!state.driven) return void ($("stop").firstChild.textContent = "No executor drives the arm ");
-  $("stop").firstChild.textContent = state.enabled ? "Stop the arm " : "Let the arm move ";
+  if (!state.driven) return write($("stop").firstChild, "No executor drives the arm ");
+  write($("stop").firstChild, state.enabled ? "Stop the arm " : "Let the arm move ");
   $("stop").querySelector("kbd").hidden = !state.enabled;
 }
 
 function showTime() {
-  $("clock").textContent = `${state.time_s.toFixed(2)} s`;
-  $("pause").textContent = state.paused ? "Go on" : "Pause";
+  write($("clock"), `${state.time_s.toFixed(2)} s`);
+  write($("pause"), state.paused ? "Go on" : "Pause");
   $("step").disabled = !state.paused;
   for (const id of ["pause", "rate"]) $(id).disabled = !state.simulated;
   if (document.activeElement !== $("rate")) {
     const index = RATES.indexOf(state.rate);
     $("rate").value = index < 0 ? RATES.length - 1 : index;
   }
-  $("rate-shown").textContent = !state.simulated ? "no simulator" : state.rate ? `${state.rate} ×` : "as fast as it goes";
+  write($("rate-shown"), !state.simulated ? "no simulator" : state.rate ? `${state.rate} ×` : "as fast as it goes");
   const replay = state.replay;
   $("scrub").hidden = !replay;
   if (!replay) return;
   $("scrubber").max = replay.length_s;
   if (!scrubbing) $("scrubber").value = replay.time_s;
-  $("run").textContent = replay.runs ? "Hold" : "Run";
+  write($("run"), replay.runs ? "Hold" : "Run");
   const now = $("now");
   if (now) for (const side of ["x1", "x2"]) now.setAttribute(side, (560 * replay.time_s) / replay.length_s);
-  $("scrub-shown").textContent = `${replay.time_s.toFixed(2)} of ${replay.length_s.toFixed(2)} s`;
+  write($("scrub-shown"), `${replay.time_s.toFixed(2)} of ${replay.length_s.toFixed(2)} s`);
 }
 
 function showRates() {
+  if (!isNews($("rates"), state.rates)) return;
   const rows = Object.entries(state.rates);
   $("no-rates").hidden = rows.length > 0;
   $("rates").hidden = rows.length === 0;
@@ -142,9 +156,9 @@ function showRates() {
 function showNodes() {
   const troubled = state.nodes.filter((node) => !node.alive || node.waits_for || node.complaint).length;
   $("troubles").hidden = troubled === 0;
-  $("troubles").textContent = troubled;
+  write($("troubles"), troubled);
   $("no-nodes").hidden = state.nodes.length > 0;
-  if ($("nodes").hidden) return;
+  if ($("nodes").hidden || !isNews($("accounts"), state.nodes)) return;
   $("accounts").replaceChildren(...state.nodes.map((node) => {
     const account = element("div", "account");
     account.classList.toggle("gone", !node.alive);

@@ -1,6 +1,6 @@
 // Teach by hand: ghosts of the paddle in two views, the paddle in the person's own hand, and what is kept.
 
-import { $, ask, drawn, element, me } from "./studio.js";
+import { $, ask, drawn, element, isNews, me, write } from "./studio.js";
 
 const SCALE = 220; // pixels of a view a metre
 const BLADE_M = 0.075;
@@ -271,14 +271,15 @@ function showDrawing(sketch) {
   if (!sliding)
     for (const name of ["contact", "swing", "follow"]) $(`teach-${name}`).value = sketch[`${name}_s`];
   for (const input of document.querySelectorAll("#teach-times input, #teach-slow input"))
-    input.previousElementSibling.textContent = Number(input.value).toFixed(2);
+    write(input.previousElementSibling, Number(input.value).toFixed(2));
   const beyond = guides && teach.guided ? teach.guided.beyond : sketch.violations;
-  $("teach-violations").replaceChildren(...beyond.slice(0, 3).map((words) => element("li", "", words)));
+  if (isNews($("teach-violations"), beyond))
+    $("teach-violations").replaceChildren(...beyond.slice(0, 3).map((words) => element("li", "", words)));
   const where = sketch.landing_m[0] === null ? "" : ` at ${sketch.landing_m.map((v) => v.toFixed(2)).join(", ")} m`;
   const spin = sketch.spin_rad_s === null ? "" : `, spin ${Math.round(sketch.spin_rad_s)} rad/s`;
-  $("teach-foretold").textContent = sketch.violations.length
+  write($("teach-foretold"), sketch.violations.length
     ? "The arm cannot do this:"
-    : `Foretold: ${sketch.outcome.replace("_", " ")}${where}${spin}`;
+    : `Foretold: ${sketch.outcome.replace("_", " ")}${where}${spin}`);
   $("teach-foretold").classList.toggle("bad", sketch.violations.length > 0 || !sketch.returned);
   $("teach-foretold").hidden = guides && !sketch.violations.length;
 }
@@ -286,8 +287,8 @@ function showDrawing(sketch) {
 function showLead(sketch) {
   const mine = teach.leader === me;
   const others = teach.leader !== null && !mine;
-  $("teach-turn").textContent = others ? `browser ${teach.leader} leads` : guideHint() || teach.turn;
-  $("teach-lead").textContent = mine ? "Let go" : mode === "guide" ? "Let me guide" : "Lead it";
+  write($("teach-turn"), others ? `browser ${teach.leader} leads` : guideHint() || teach.turn);
+  write($("teach-lead"), mine ? "Let go" : mode === "guide" ? "Let me guide" : "Lead it");
   $("teach-lead").disabled = others || (!mine && sketch.violations.length > 0);
   $("teach-vary").hidden = mode === "guide";
   for (const part of $("teach-vary").elements) part.disabled = teach.leader !== null || sketch.violations.length > 0;
@@ -296,7 +297,7 @@ function showLead(sketch) {
   $("teach-series").hidden = !series && !teach.trouble;
   const redrawn = series && series.refused ? `, ${series.refused} beyond the arm's limits were drawn again` : "";
   const told = series ? `${series.kept} of ${series.wanted} variations kept, ${series.led} led${redrawn}. ` : "";
-  $("teach-series").textContent = told + teach.trouble;
+  write($("teach-series"), told + teach.trouble);
 }
 
 function guideHint() {
@@ -314,11 +315,12 @@ function showStrokes() {
   $("teach-last").classList.toggle("bad", !kept);
   const where = last.landing_m ? ` at ${last.landing_m.map((v) => v.toFixed(2)).join(", ")} m` : "";
   const became = last.discarded ? "discarded" : last.bag ? `kept as ${last.bag}` : `not kept: ${last.why_not}`;
-  $("teach-verdict").textContent = `${last.number}. ${last.label}: ${last.outcome.replace("_", " ")}${where} – ${became}`;
+  write($("teach-verdict"), `${last.number}. ${last.label}: ${last.outcome.replace("_", " ")}${where} – ${became}`);
   const open = kept && teach.leader === null;
   $("teach-keep").disabled = !open || settled === last.number;
   $("teach-discard").disabled = $("teach-label").disabled = !open;
   $("teach-again").disabled = teach.leader !== null || !again;
+  if (!isNews($("teach-strokes"), teach.strokes)) return;
   $("teach-strokes").tBodies[0].replaceChildren(...teach.strokes.map((one) => {
     const row = element("tr", one.discarded ? "discarded" : "");
     const landing = one.landing_m ? one.landing_m[0].toFixed(2) : "–";
