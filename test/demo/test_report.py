@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from msrd_ros.contract.outcome import MissReason, Outcome
@@ -14,9 +15,9 @@ from msrd_ros.table_tennis.strokes.rates import LabelRates
 
 def test_it_says_what_each_strategy_does(tmp_path: Path) -> None:
     label = ALL_LABELS[1]
-    spin = {"spin_x_rad_s": 0.0, "spin_y_rad_s": -90.0, "spin_z_rad_s": 0.0}
+    cut = Outcome(1, struck=True, miss_reason=None, landing_x_m=0.9, landing_y_m=0.4)
     balls = [
-        Outcome(1, struck=True, miss_reason=None, landing_x_m=0.9, landing_y_m=0.4, **spin),
+        replace(cut, spin_x_rad_s=0.0, spin_y_rad_s=-90.0, spin_z_rad_s=0.0),
         Outcome(2, struck=True, miss_reason=MissReason.NET),
     ]
     row = {
