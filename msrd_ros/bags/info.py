@@ -12,7 +12,7 @@ import yaml
 
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX, read_mcap_facts, repair_command
 from msrd_ros.bags.metadata import FORMAT_KEY, METADATA_FILE, ROOT_KEY, STROKE_FORMAT, split_name
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel, read_label, say_label
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.formats import FIRST_FORMAT, require_format
 
@@ -60,6 +60,11 @@ class BagInfo:
     storage: str
     packed: bool
     custom_data: Mapping[str, str]
+
+    @property
+    def unlabelled(self) -> bool:
+        """Whether it says that its stroke has no label; one that says nothing may have it in its headers."""
+        return self.label is None and "label" in self.custom_data
 
     @property
     def folder(self) -> Path:
@@ -221,10 +226,10 @@ def _stated_label(path: Path, custom: Mapping[str, str]) -> StrategyLabel | None
     named = split_name(real.parent.name if part_of_folder else real.stem if path.is_file() else real.name)
     if "label" not in custom:
         return StrategyLabel.parse_optional(named[0]) if named else None
-    label = StrategyLabel.parse(custom["label"], f"bag {path}: custom_data")
-    if named and named[0] != str(label):
+    label = read_label(custom["label"], f"bag {path}: custom_data")
+    if named and named[0] != say_label(label):
         raise UserError(
-            f"bag {path}: custom_data says {label}, the directory's name {named[0]}; "
+            f"bag {path}: custom_data says {say_label(label)}, the directory's name {named[0]}; "
             f"rename it or leave the bag out"
         )
     return label

@@ -12,7 +12,7 @@ from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.info import BagInfo, read_info
 from msrd_ros.bags.lone_mcap import bag_message, read_mcap_messages, repair_command
 from msrd_ros.bags.schemas import deserialise
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.contract.topics import (
     BALL_POSITION,
     CONTRACT,
@@ -81,7 +81,7 @@ class Bag:
         Raises
         ------
         UserError
-            If the files are damaged, or labels in the headers are ill-formed, missing or contradict the bag.
+            If the files are damaged, or labels in the headers are ill-formed or contradict the bag.
         """
         where = f"bag {self.info.path}"
         try:
@@ -123,12 +123,12 @@ class Bag:
         return self._roles.get(topic, topic)
 
     def labels(self, messages: Iterable[BagMessage]) -> set[StrategyLabel]:
-        """All strategies that messages from `raw`, the metadata and the name tell of: at least one.
+        """All strategies that messages from `raw`, the metadata and the name tell of; none: it has no label.
 
         Raises
         ------
         UserError
-            If a label is no well-formed name, one contradicts the bag's metadata or name, or there is none.
+            If a label is no well-formed name, or one contradicts the bag's metadata or name.
         """
         where = f"bag {self.info.path}"
         stated = self.info.label
@@ -143,17 +143,13 @@ class Bag:
             if not text:
                 continue
             label = StrategyLabel.parse(text, f"{where}: topic {self.topics[role]}")
-            if stated not in (None, label):
+            if label != stated and (stated is not None or self.info.unlabelled):
                 raise UserError(
-                    f"{where}: topic {self.topics[role]} says {label}, the bag's metadata or name {stated}; "
+                    f"{where}: topic {self.topics[role]} says {label}, the bag's metadata or name "
+                    f"{say_label(stated)}; "
                     f"correct them or leave the bag out"
                 )
             found.add(label)
-        if not found:
-            raise UserError(
-                f"{where}: has no strategy label, neither in its headers nor in its metadata; record with "
-                f"strategy set, or name the directory <label>_<nnn>"
-            )
         return found
 
 

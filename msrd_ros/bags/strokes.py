@@ -177,7 +177,7 @@ def only_arms(arrivals: Sequence[Arrival]) -> list[Arrival]:
 
 
 def whole_stroke(
-    messages: Sequence[BagMessage], label: StrategyLabel, is_arms: Callable[[bytes], bool]
+    messages: Sequence[BagMessage], label: StrategyLabel | None, is_arms: Callable[[bytes], bool]
 ) -> Stroke:
     """Make a stroke of a recording of one ball, with all its messages; topics are relative names.
 

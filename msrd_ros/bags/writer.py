@@ -22,7 +22,7 @@ from msrd_ros.bags.metadata import (
     split_name,
 )
 from msrd_ros.bags.schemas import describe_type
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.contract.topics import BagMessage, BagTopic
 from msrd_ros.core.files import make_folder, sync_folder, write_synced
 
@@ -34,7 +34,7 @@ SUMMARY = IndexType.CHUNK | IndexType.MESSAGE | IndexType.METADATA
 def keep_stroke(
     root: Path,
     subject: str,
-    label: StrategyLabel,
+    label: StrategyLabel | None,
     topics: Sequence[BagTopic],
     messages: Sequence[BagMessage],
     custom_data: Mapping[str, str],
@@ -43,6 +43,8 @@ def keep_stroke(
 
     Parameters
     ----------
+    label
+        None for a stroke without one: empty in the metadata, and ``unlabelled`` in the name.
     topics
         The topics of `messages`, each once.
     messages
@@ -62,9 +64,9 @@ def keep_stroke(
         If it cannot be written; then nothing has appeared.
     """
     folder = root / check_subject(subject)
-    custom = {"label": str(label), "subject": subject, **custom_data}
+    custom = {"label": str(label or ""), "subject": subject, **custom_data}
     while True:
-        path = folder / f"{label}_{next_number(folder, label):03d}"
+        path = folder / f"{say_label(label)}_{next_number(folder, label):03d}"
         try:
             write_bag(path, topics, messages, custom)
         except FileExistsError:
@@ -163,12 +165,12 @@ def _is_running(pid: int) -> bool:
     return True
 
 
-def next_number(folder: Path, label: StrategyLabel) -> int:
-    """The number of a subject's next bag with this label: higher than any that lies in its folder."""
+def next_number(folder: Path, label: StrategyLabel | None) -> int:
+    """The number of a subject's next bag with this label, or without: above any that lies in its folder."""
     if not folder.is_dir():
         return 1
     split = [split_name(entry.name) for entry in folder.iterdir()]
-    return 1 + max((item[1] for item in split if item and item[0] == str(label)), default=0)
+    return 1 + max((item[1] for item in split if item and item[0] == say_label(label)), default=0)
 
 
 def _write_mcap(

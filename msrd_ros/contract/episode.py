@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import WITHOUT_LABEL, StrategyLabel
 from msrd_ros.contract.outcome import Outcome
+from msrd_ros.core.errors import UserError
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 
@@ -66,7 +67,7 @@ class Episode:
     Attributes
     ----------
     label
-        The strategy that was shown or played.
+        The strategy that was shown or played; None if nobody has said which.
     joint_position, joint_velocity
         Shape (T + 1, N), rad and rad/s, as measured.
     ball_position, ball_velocity
@@ -81,7 +82,7 @@ class Episode:
         Whose joints they are, N of them.
     """
 
-    label: StrategyLabel
+    label: StrategyLabel | None
     joint_position: NDArray[np.float64]
     joint_velocity: NDArray[np.float64]
     ball_position: NDArray[np.float64]
@@ -90,6 +91,19 @@ class Episode:
     source: str = ""
     outcome: Outcome | None = None
     robot: Robot = field(default_factory=default_robot)
+
+    @property
+    def strategy(self) -> StrategyLabel:
+        """Its label, where one is needed.
+
+        Raises
+        ------
+        UserError
+            If it has none; names its source and the ways out.
+        """
+        if self.label is None:
+            raise UserError(f"{self.source or 'a stroke'}: {WITHOUT_LABEL}")
+        return self.label
 
     @property
     def observations(self) -> NDArray[np.float64]:

@@ -15,9 +15,18 @@ _WELL_FORMED = re.compile(r"[a-z0-9-]{1,64}")
 FRAME_NAMES = frozenset({"world", "base", "map", "odom", "earth"})
 """Frames that drivers and TF call so everywhere: none of them is taken for a strategy."""
 
+UNLABELLED = "unlabelled"
+"""What people and names of bags say of a stroke without a label; headers and metadata leave it empty."""
+
+WITHOUT_LABEL = (
+    "no strategy label; give it one with python -m msrd_ros.bags relabel BAG LABEL, or have strategies "
+    "found with labels:=discover"
+)
+"""Why a stroke without a label is no demonstration of a strategy, and the ways out."""
+
 
 class StrategyLabel(str):
-    """The name of a strategy: 1 to 64 of a-z, 0-9 and hyphen, and no common frame's name.
+    """The name of a strategy: 1 to 64 of a-z, 0-9 and hyphen, no common frame's name, not `UNLABELLED`.
 
     Raises
     ------
@@ -53,6 +62,8 @@ class StrategyLabel(str):
             )
         if text in FRAME_NAMES:
             raise UserError(f"{where}: {text!r} is a frame's name and no strategy label; choose another")
+        if text == UNLABELLED:
+            raise UserError(f"{where}: {text!r} is said of strokes without a label; choose another name")
         return str.__new__(cls, text)
 
     @classmethod
@@ -62,3 +73,19 @@ class StrategyLabel(str):
             return cls.parse(text)
         except UserError:
             return None
+
+
+def say_label(label: StrategyLabel | None) -> str:
+    """A stroke's label as people and names of bags say it; `UNLABELLED` if it has none."""
+    return UNLABELLED if label is None else str(label)
+
+
+def read_label(text: str, where: str = "strategy label") -> StrategyLabel | None:
+    """Read what `say_label` says; None for no text at all, too.
+
+    Raises
+    ------
+    UserError
+        If the text is neither a well-formed name nor `UNLABELLED`.
+    """
+    return None if text in ("", UNLABELLED) else StrategyLabel.parse(text, where)

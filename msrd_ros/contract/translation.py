@@ -110,7 +110,7 @@ class EpisodeAssembler:
 
     def __init__(
         self,
-        label: StrategyLabel,
+        label: StrategyLabel | None,
         subject: str = "",
         source: str = "topics",
         robot: Robot | None = None,

@@ -151,6 +151,12 @@ def _write_rates(report: Report, rows: dict[str, Any]) -> None:
         "returned balls. Feeds vary by ±3 % in speed, ±1.5° in elevation and yaw, ±20 rad/s in spin and "
         "±2 cm sideways; the arm starts within 0.03 rad (standard deviation) of its ready pose.",
     )
+    report.table(
+        ["strategy", "what it does"],
+        [[label, row["description"]["text"]] for label, row in rows.items()],
+        "Of returned balls: side, spin and speed right after the hit, and the first bounce on the far half; "
+        "mean and standard deviation, left as the robot sees it.",
+    )
     missed = {label: row["miss_reasons"] for label, row in rows.items() if row["miss_reasons"]}
     if missed:
         told = "; ".join(
@@ -169,7 +175,7 @@ def played_strokes(folder: Path, robot: Robot) -> dict[StrategyLabel, Episode]:
         # A stroke that was kept although it was refused may not be whole; the page does without it.
         with suppress(UserError):
             for episode in read_episodes(Bag(info.path), robot):
-                chosen.setdefault(episode.label, episode)
+                chosen.setdefault(episode.strategy, episode)
     return chosen
 
 

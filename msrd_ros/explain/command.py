@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from msrd_ros.bags.reader import Bag
+from msrd_ros.contract.labels import say_label
 from msrd_ros.core.errors import UserError
 from msrd_ros.explain.comparison import Comparison, compare
 from msrd_ros.explain.explanation import (
@@ -101,7 +102,8 @@ def _explain(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(as_json(told, compared, temperature), indent=1))
     else:
-        print(as_text(told, compared, temperature, len(others)))
+        labelled = sum(other.episode.label is not None for other in others)
+        print(as_text(told, compared, temperature, labelled))
     if options.out is not None:
         write_figure(options.out, strokes, [one.title for one in strokes], strategies, temperature)
         if not options.json:
@@ -127,7 +129,7 @@ def _read_others(
     ]
     found = [
         explain(learned, episode)
-        for reading in read_bags(infos, robot, names)
+        for reading in read_bags(infos, robot, names, unlabelled=True)
         for episode in reading.episodes
     ]
     if not found:
@@ -165,7 +167,7 @@ def _stroke_as_json(one: Told, temperature: float) -> dict[str, Any]:
     explained, episode = one.explained, one.explained.episode
     return {
         "bag": str(one.bag),
-        "label": str(episode.label),
+        "label": say_label(episode.label),
         "subject": episode.subject,
         "outcome": None if episode.outcome is None else episode.outcome.message,
         "struck": explained.struck,
@@ -200,7 +202,7 @@ def as_text(told: Sequence[Told], compared: Comparison | None, temperature: floa
         if one.rank is not None:
             lines.append(
                 f"  R0 is above that of {one.rank.above} of {one.rank.of} other returned strokes of "
-                f"{explained.episode.label}"
+                f"{say_label(explained.episode.label)}"
             )
     if compared is not None:
         at_hit = int(np.abs(compared.time_s).argmin())

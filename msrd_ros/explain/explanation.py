@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, FIRST_ACTING_STEP, Episode
+from msrd_ros.contract.labels import say_label
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.harness import CHECKPOINT_FILE
 from msrd_ros.learning.layout import Layout
@@ -88,7 +89,7 @@ class Explanation:
         episode = self.episode
         who = f" of {episode.subject}" if episode.subject else ""
         became = "outcome not known" if episode.outcome is None else episode.outcome.message.replace("_", " ")
-        return f"{episode.label}{who}, {became}, R0 {self.mean_task:+.2f} a step"
+        return f"{say_label(episode.label)}{who}, {became}, R0 {self.mean_task:+.2f} a step"
 
     @property
     def mean_task(self) -> float:
@@ -180,10 +181,10 @@ def fit_temperature(labelled: Sequence[Explanation]) -> float:
     UserError
         If none is left.
     """
-    known = [one for one in labelled if str(one.episode.label) in one.labels]
+    known = [one for one in labelled if say_label(one.episode.label) in one.labels]
     if not known:
         raise UserError("no stroke of a strategy that the rewards know; give others to calibrate with")
-    own = [one.labels.index(str(one.episode.label)) for one in known]
+    own = [one.labels.index(one.episode.strategy) for one in known]
     evidence = np.stack([one.evidence for one in known])[:, :, None] / _TEMPERATURES
     evidence -= evidence.max(axis=1, keepdims=True)
     of_own = evidence[np.arange(len(known)), own]

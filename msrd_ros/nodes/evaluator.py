@@ -1,4 +1,4 @@
-"""Evaluator node: feeds balls to the executor on seeds of its own and reports the rates."""
+"""Evaluator node: feeds balls to the executor on seeds of its own; reports rates, and what strategies do."""
 
 from __future__ import annotations
 
@@ -44,6 +44,7 @@ from msrd_ros.table_tennis.strategies.table import (
     Side,
     Strategies,
 )
+from msrd_ros.table_tennis.strokes.description import Description
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.rates import LabelRates, format_table
 
@@ -264,13 +265,22 @@ class Evaluator(StackNode):
             )
             for label, outcomes in self._outcomes.items()
         }
-        print(format_table(rates), flush=True)
+        described = {
+            str(label): Description.of(self._side(label), outcomes)
+            for label, outcomes in self._outcomes.items()
+        }
+        print(format_table(rates))
+        for label, description in described.items():
+            print(f"{label}: {description}", flush=True)
         if self.config.report:
             report = {
                 "seed": self.config.seed,
                 "spread": self.config.spread,
                 "seconds": time.monotonic() - self._begun_s,
-                "labels": {label: row.to_json() for label, row in rates.items()},
+                "labels": {
+                    label: {**row.to_json(), "description": described[label].to_json()}
+                    for label, row in rates.items()
+                },
             }
             path = Path(self.config.report).expanduser()
             write_report(path, report)

@@ -11,11 +11,13 @@ from msrd_ros.bags.devices import ArmMessages
 from msrd_ros.bags.stroke_buffer import StrokeBuffer
 from msrd_ros.bags.strokes import Arrival, CutSettings
 from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.labels import WITHOUT_LABEL
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import steady_timer
 from msrd_ros.nodes.recorder_inputs import RecorderInputs
 from msrd_ros.recordings.inspection import judge
 from msrd_ros.recordings.limits import InspectionLimits
+from msrd_ros.recordings.verdict import Refusal, Verdict
 from msrd_ros.robots.robot import Robot
 
 SETTLE_PERIOD_S = 0.02
@@ -78,6 +80,8 @@ class PlayedBags:
         while self._inputs is not None and self._buffer.settled():
             stroke = self._buffer.cut()
             verdict, episode = judge(stroke, self._robot, InspectionLimits())
+            if episode is not None and episode.label is None:
+                verdict, episode = Verdict(Refusal.NO_LABEL, WITHOUT_LABEL, verdict.notes), None
             self._tell([*self._is_arms.news(), *verdict.notes])
             if episode is not None:
                 self._take(episode)

@@ -19,7 +19,7 @@ from std_msgs.msg import Header
 
 from msrd_ros.bags.info import BagInfo
 from msrd_ros.bags.reader import Bag
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import UNLABELLED, read_label
 from msrd_ros.contract.topics import (
     BALL_POSITION,
     CONTRACT,
@@ -65,7 +65,9 @@ class PlayerConfig:
     bags: list[str] = parameter(
         [], "Bags or folders of bags to play; the recorded set of the package if empty"
     )
-    labels: list[str] = parameter([], "Strategies to play; all if empty")
+    labels: list[str] = parameter(
+        [], f"Strategies to play, {UNLABELLED} for strokes without a label; all if empty"
+    )
     subjects: list[str] = parameter([], "Subjects to play; all if empty")
     kept_only: bool = parameter(True, "Leave out strokes that the recorder had refused")
     topics: list[str] = parameter([], "What topics are called in the bags, as NAME:=NAME_IN_BAG")
@@ -150,7 +152,7 @@ class Player(StackNode):
     # -- bags ----------------------------------------------------------------------------------
 
     def _select_bags(self) -> Sequence[BagInfo]:
-        labels = [StrategyLabel.parse(text, "parameter labels of player") for text in self.config.labels]
+        labels = [read_label(text, "parameter labels of player") for text in self.config.labels]
         library = BagLibrary.scan(*(self.config.bags or [str(shipped_bags())]))
         for line in library.refused:
             self.get_logger().warning(f"left out: {line}")
@@ -187,10 +189,11 @@ class Player(StackNode):
         raw = bag.raw()
         labels = bag.labels(raw)
         messages = [message._replace(topic=bag.role(message.topic)) for message in raw]
-        if len(labels) == 1 and not any(message.topic == STRATEGY for message in messages):
+        if len(labels) < 2 and not any(message.topic == STRATEGY for message in messages):
             # The label that a foreign bag's name or metadata tells of travels in a header, as from a person.
+            # None travels as well: else the strategy of the bag before would still be in effect.
             first_ns = messages[0].log_time_ns
-            header = Header(stamp=_stamp(first_ns), frame_id=str(next(iter(labels))))
+            header = Header(stamp=_stamp(first_ns), frame_id=next(iter(labels), ""))
             messages.insert(0, BagMessage(STRATEGY, serialize_message(header), first_ns, first_ns))
         types = {bag.role(name): type_name for name, type_name in bag.info.types.items()}
         for topic in dict.fromkeys(message.topic for message in messages):

@@ -60,6 +60,11 @@ class RecorderConfig:
         choices=("returned", "all"),
         live=True,
     )
+    unlabelled: bool = parameter(
+        False,
+        "Whether strokes without a label are kept, as unlabelled_<nnn>; else they are refused",
+        live=True,
+    )
     recording: bool = parameter(
         True, "Whether strokes are recorded; ~/start and ~/stop set it, too", live=True
     )
@@ -251,7 +256,14 @@ class Recorder(ManagedNode):
         topics, latched = dict(self._inputs.topics), dict(self._inputs.latched)
         config = self.config
         self._writer.submit(
-            self._keep, stroke, config.subject, topics, latched, config.keep == "all", config.note
+            self._keep,
+            stroke,
+            config.subject,
+            topics,
+            latched,
+            config.keep == "all",
+            config.note,
+            config.unlabelled,
         )
 
     def _keep(self, stroke: Stroke, subject: str, *details: Any) -> None:

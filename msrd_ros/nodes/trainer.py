@@ -242,7 +242,7 @@ class Trainer(ManagedNode):
             self._begin()
 
     def _counts(self) -> Counter[StrategyLabel]:
-        return Counter(episode.label for episode in self._episodes)
+        return Counter(episode.strategy for episode in self._episodes)
 
     def _refuse(self, error: UserError) -> None:
         self.get_logger().error(str(error))

@@ -22,7 +22,7 @@ _EARLIER = (*LATCHED_TOPICS, FEED)
 
 
 def relabelling(bag: Bag, old: str, new: str) -> Change:
-    """Another label wherever the old one stands; any other text is a driver's frame."""
+    """Another label wherever the old one stands, empty for none; any other text is a driver's frame."""
     types = bag.info.types
     labelled = {
         topic
@@ -80,7 +80,7 @@ def require_stroke(
             bag.role(message.topic) == OUTCOME for message in bag.raw()
         ):
             raise UserError(f"{where}: its {OUTCOME} would be cut off; end later")
-        reading = read_bag(bag, robot, demonstrations_only=False)
+        reading = read_bag(bag, robot, demonstrations_only=False, unlabelled=True)
     except UserError as error:
         raise UserError(str(error).replace(str(trimmed), str(original.info.path))) from None
     if not reading.episodes:

@@ -11,6 +11,7 @@ from pathlib import Path
 from msrd_ros.bags.finding import find_bags
 from msrd_ros.bags.info import read_info
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
+from msrd_ros.contract.labels import UNLABELLED, WITHOUT_LABEL
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.episodes import BagReading, read_bags
 from msrd_ros.robots.robot import Robot
@@ -79,8 +80,11 @@ def _check_one(found: Path, path: Path, robot: Robot, names: Mapping[str, str] |
         info = read_info(found)
     except UserError as error:
         return CheckedBag(name, 0, str(error).removeprefix(f"bag {found}: "), [])
-    (reading,) = read_bags([info], robot, names)
-    return CheckedBag(name, len(reading.episodes), _refused(reading), list(reading.notes))
+    (reading,) = read_bags([info], robot, names, unlabelled=True)
+    notes = list(reading.notes)
+    if any(episode.label is None for episode in reading.episodes):
+        notes.append(f"{UNLABELLED}: {WITHOUT_LABEL}")
+    return CheckedBag(name, len(reading.episodes), _refused(reading), notes)
 
 
 def _refused(reading: BagReading) -> str | None:

@@ -15,7 +15,7 @@ from msrd_ros.bags.metadata import split_name
 from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.rewriting import Change, require_rewritable, rewrite_bag
 from msrd_ros.bags.writer import next_number
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import read_label, say_label
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.changes import relabelling, require_stroke, trimming
 from msrd_ros.recordings.history import History, find_library
@@ -82,7 +82,8 @@ class Curation(History):
     def relabel(self, bag: Path | str, label: str) -> Edit:
         """Give a bag another label: in its metadata and name, and in all headers where the old one stands.
 
-        A bag called ``<label>_<nnn>`` gets the new label's next number; any other keeps its name.
+        A bag called ``<label>_<nnn>`` gets the new label's next number; any other keeps its name. No text, or
+        ``unlabelled``, takes the label away; a bag that has none gets its new one where headers are empty.
 
         Raises
         ------
@@ -90,7 +91,7 @@ class Curation(History):
             If `label` is no well-formed name, or the bag's own already; if the bag cannot be read or written
             anew, or shows several strategies.
         """
-        new = StrategyLabel.parse(label, "label")
+        new = read_label(label, "label")
         with self._editing(bag) as name:
             original = Bag(self.folder / name, self._names)
             require_rewritable(original.info)
@@ -98,17 +99,17 @@ class Curation(History):
             if len(labels) > 1:
                 told = ", ".join(sorted(labels))
                 raise UserError(f"bag {bag}: shows several strategies ({told}); record one bag a stroke")
-            (old,) = labels
+            old = next(iter(labels), None)
             if new == old:
-                raise UserError(f"bag {bag}: is {old} already; give another label")
+                raise UserError(f"bag {bag}: is {say_label(old)} already; give another label")
             target = Path(name)
             if split_name(target.name) is not None:
                 number = next_number((self.folder / name).parent, new)
-                target = target.with_name(f"{new}_{number:03d}")
-            custom = {**original.info.custom_data, "label": str(new)}
+                target = target.with_name(f"{say_label(new)}_{number:03d}")
+            custom = {**original.info.custom_data, "label": str(new or "")}
             edit = Edit(self.journal.next_id(), RELABEL, name, target.as_posix())
-            edit = replace(edit, before={"label": str(old)}, after={"label": str(new)})
-            return self._replace(edit, original, relabelling(original, old, new), custom)
+            edit = replace(edit, before={"label": say_label(old)}, after={"label": say_label(new)})
+            return self._replace(edit, original, relabelling(original, old or "", new or ""), custom)
 
     def trim(self, bag: Path | str, begin_s: float, end_s: float) -> Edit:
         """Keep what was recorded between two times, in s from the bag's start.

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from msrd_ros.contract.labels import UNLABELLED
 from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.recordings.curation import Curation
 from msrd_ros.recordings.journal import Edit
@@ -61,7 +62,12 @@ def add_editing_verbs(verbs: argparse._SubParsersAction[argparse.ArgumentParser]
     table.add_argument("folder", type=Path, metavar="FOLDER", help="a folder of bags, a bag or an MCAP file")
     add_reading_options(table)
     table.add_argument("--sort", choices=SORT, default="bag", help="by what; 'bag' if left out")
-    table.add_argument("--label", action="append", default=[], help="only this label; may be given again")
+    table.add_argument(
+        "--label",
+        action="append",
+        default=[],
+        help=f"only this label, or {UNLABELLED}; may be given again",
+    )
     table.add_argument("--subject", action="append", default=[], help="only this subject; may be given again")
     table.add_argument("--outliers", action="store_true", help="only what stands out from its label's others")
     table.add_argument("--discarded", action="store_true", help="only what is discarded")
@@ -69,7 +75,9 @@ def add_editing_verbs(verbs: argparse._SubParsersAction[argparse.ArgumentParser]
     table.set_defaults(run=_list)
 
     one = _edit(verbs, "relabel", "give a bag another label", lambda c, o: c.relabel(o.bag, o.label))
-    one.add_argument("label", metavar="LABEL", help="any name of a-z, 0-9 and hyphen")
+    one.add_argument(
+        "label", metavar="LABEL", help=f"any name of a-z, 0-9 and hyphen; {UNLABELLED} takes it away"
+    )
     one = _edit(verbs, "trim", "keep a part of a bag", lambda c, o: c.trim(o.bag, o.begin_s, o.end_s))
     one.add_argument("begin_s", type=float, metavar="BEGIN", help="s from the bag's start")
     one.add_argument("end_s", type=float, metavar="END", help="s from the bag's start")
@@ -143,6 +151,7 @@ def _lines(rows: Sequence[Row]) -> list[str]:
 def _cells(row: Row) -> tuple[str, ...]:
     remarks = [
         *([f"was {row.discarded}"] if row.discarded else []),
+        *([row.does] if row.label == UNLABELLED and row.does else []),
         *row.flags,
         *row.marks,
         *([row.detail] if row.detail else []),

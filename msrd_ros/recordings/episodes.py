@@ -12,10 +12,12 @@ from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.stroke_buffer import split_strokes
 from msrd_ros.bags.strokes import CutSettings, Stroke, whole_stroke
 from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.labels import WITHOUT_LABEL, say_label
 from msrd_ros.contract.topics import OUTCOME, BagMessage
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.inspection import Origin, judge
 from msrd_ros.recordings.limits import InspectionLimits
+from msrd_ros.recordings.verdict import Refusal, Verdict
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 
@@ -46,7 +48,9 @@ class BagReading:
     notes: tuple[str, ...] = ()
 
 
-def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = True) -> BagReading:
+def read_bag(
+    bag: Bag, robot: Robot | None = None, demonstrations_only: bool = True, unlabelled: bool = False
+) -> BagReading:
     """Inspect the strokes of a bag of an arm (the default one if None), and read those that are accepted.
 
     A longer recording, as `ros2 bag record` makes it, is cut at its outcomes.
@@ -57,6 +61,8 @@ def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = T
         What is read, and whose joints.
     demonstrations_only
         Refuse a bag of one stroke whose ball was not returned, or that its recorder refused.
+    unlabelled
+        Read strokes without a label as well, with None for it; else they are refused.
 
     Raises
     ------
@@ -75,10 +81,12 @@ def read_bag(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = T
     for stroke in strokes:
         verdict, episode = judge(stroke, arm, limits, origin)
         notes.update(dict.fromkeys(verdict.notes))
+        if episode is not None and episode.label is None and not unlabelled:
+            verdict, episode = Verdict(Refusal.NO_LABEL, WITHOUT_LABEL), None
         if episode is not None:
             episodes.append(episode)
             continue
-        which = f"ball {stroke.ball_id or '?'} ({stroke.label or 'no label'}): " if len(strokes) > 1 else ""
+        which = f"ball {stroke.ball_id or '?'} ({say_label(stroke.label)}): " if len(strokes) > 1 else ""
         refused.append(f"{which}{verdict.reason}, {verdict.detail}")
     if any(stroke.outcome is None for stroke in strokes):
         notes[f"no {OUTCOME}: whether the ball came back is not known"] = None
@@ -125,7 +133,10 @@ def cut_bag(bag: Bag, robot: Robot) -> CutBag:
 
 
 def read_bags(
-    infos: Iterable[BagInfo], robot: Robot | None = None, names: Mapping[str, str] | None = None
+    infos: Iterable[BagInfo],
+    robot: Robot | None = None,
+    names: Mapping[str, str] | None = None,
+    unlabelled: bool = False,
 ) -> Iterator[BagReading]:
     """The same of many bags; one that cannot be read is refused like any other, and does not end the work.
 
@@ -137,16 +148,18 @@ def read_bags(
         The arm that was led; the default one if None.
     names
         Full topic name in the bags by relative name, where it is neither at the root nor unmistakable.
+    unlabelled
+        Read strokes without a label as well, with None for it; else they are refused.
     """
     for info in infos:
         try:
-            yield read_bag(Bag(info.path, names), robot)
+            yield read_bag(Bag(info.path, names), robot, unlabelled=unlabelled)
         except UserError as error:
             yield BagReading(info, refused=(str(error).removeprefix(f"bag {info.path}: "),))
 
 
 def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
-    """The accepted strokes of a bag as arrays, of an arm (the default one if None).
+    """The accepted strokes of a bag as arrays, of an arm (the default one if None), labelled or not.
 
     A bag of one stroke may be of a ball that was not returned: it is no demonstration, but can be looked at.
 
@@ -156,7 +169,7 @@ def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
         If the bag cannot be read, is of another robot, or none of its strokes is accepted; names the bag and
         says why.
     """
-    reading = read_bag(bag, robot, demonstrations_only=False)
+    reading = read_bag(bag, robot, demonstrations_only=False, unlabelled=True)
     if not reading.episodes:
         raise UserError(f"bag {bag.info.path}: {'; '.join(reading.refused)}")
     return list(reading.episodes)
@@ -167,11 +180,15 @@ def _strokes(
 ) -> list[Stroke]:
     labels = bag.labels(original)
     if sum(message.topic == OUTCOME for message in messages) > 1:
-        return split_strokes(messages, CutSettings(), is_arms)
+        # What the bag itself states holds for all that do not say anything else.
+        return [
+            replace(stroke, label=stroke.label or bag.info.label)
+            for stroke in split_strokes(messages, CutSettings(), is_arms)
+        ]
     if len(labels) > 1:
         names = ", ".join(sorted(str(label) for label in labels))
         raise UserError(
             f"bag {bag.info.path}: shows several strategies ({names}) and no rally/outcome to part them; "
             f"record rally/outcome too, or one bag a stroke"
         )
-    return [whole_stroke(messages, next(iter(labels)), is_arms)]
+    return [whole_stroke(messages, next(iter(labels), None), is_arms)]

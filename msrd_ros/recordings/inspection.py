@@ -12,6 +12,7 @@ from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.schemas import deserialise, with_frame
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.labels import say_label
 from msrd_ros.contract.outcome import RETURNED
 from msrd_ros.contract.topics import (
     BALL_POSITION,
@@ -67,7 +68,10 @@ def inspect(stroke: Stroke, robot: Robot, limits: InspectionLimits) -> Verdict:
 
 
 def judge(stroke: Stroke, robot: Robot, limits: InspectionLimits, origin: Origin | None = None) -> Judgement:
-    """Inspect a stroke of an arm, and make a demonstration of it if it is accepted."""
+    """Inspect a stroke of an arm, and make a demonstration of it if it is accepted.
+
+    Whether a stroke without a label is wanted is not asked here: it is accepted like any other.
+    """
     origin = origin or Origin()
     said = _check_said(stroke)
     if said is not None:
@@ -90,8 +94,11 @@ def label_joint_states(stroke: Stroke) -> tuple[BagMessage, ...]:
     """The stroke's messages with its label in the joint states' headers.
 
     A source that labels its joint states itself is left alone. One that does not (ros2_control's
-    broadcaster writes a frame of its own) gets the label into every one, in this copy only.
+    broadcaster writes a frame of its own) gets the label into every one, in this copy only; a stroke without
+    a label stays as it is.
     """
+    if stroke.label is None:
+        return stroke.messages
     label = str(stroke.label)
     frames = {read_frame_id(message.data) for message in stroke.messages if message.topic == JOINT_STATES}
     if label in frames:
@@ -121,16 +128,14 @@ def _check_said(stroke: Stroke) -> Finding | None:
         return Finding(Refusal.BAD_OUTCOME, "rally/outcome holds no status named rally with a message")
     if stroke.outcome not in (None, RETURNED):
         return Finding(str(stroke.outcome), "the ball was not returned")
-    if stroke.label is None:
-        return Finding(Refusal.NO_LABEL, "no strategy was set; publish its label on strategy")
     if JOINT_STATES not in topics:
         return Finding(Refusal.NO_JOINT_STATES, "nothing came on joint_states")
     if BALL_POSITION not in topics:
         return Finding(Refusal.NO_BALL, "nothing came on ball/position")
     for message in stroke.messages:
-        text = read_frame_id(message.data) if message.topic == STRATEGY else ""
+        text = read_frame_id(message.data) if message.topic in (STRATEGY, OUTCOME) else ""
         if text and text != stroke.label:
-            told = f"{STRATEGY} says {text!r}, the stroke is {stroke.label}"
+            told = f"{message.topic} says {text!r}, the stroke is {say_label(stroke.label)}"
             return Finding(Refusal.LABEL_CONFLICT, told)
     if stroke.lost:
         return Finding(Refusal.MESSAGES_LOST, f"{stroke.lost} messages were lost on their way")
@@ -230,7 +235,6 @@ def _between(track: Track, begin_ns: int, end_ns: int) -> Track:
 
 
 def _assemble(stroke: Stroke, samples: StrokeSamples, robot: Robot, origin: Origin) -> Episode:
-    assert stroke.label is not None
     assembler = EpisodeAssembler(stroke.label, origin.subject, origin.source, robot)
     joints, ball = samples.joints, samples.ball
     for time_ns, position, velocity in zip(joints.time_ns, joints.values, joints.velocity, strict=True):

@@ -9,7 +9,7 @@ from pathlib import Path
 from msrd_ros.bags.finding import find_bags
 from msrd_ros.bags.info import BagInfo, read_info
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import UNLABELLED, StrategyLabel
 from msrd_ros.core.errors import UserError
 
 
@@ -70,7 +70,7 @@ class BagLibrary:
 
     def select(
         self,
-        labels: Collection[StrategyLabel] = (),
+        labels: Collection[StrategyLabel | None] = (),
         subjects: Collection[str] = (),
         kept_only: bool = True,
     ) -> tuple[BagInfo, ...]:
@@ -79,7 +79,8 @@ class BagLibrary:
         Parameters
         ----------
         labels
-            Bags that do not state their label (foreign ones) are only in when this is empty.
+            None among them stands for bags that say they have none. Bags that do not say anything of their
+            label (foreign ones) are only in when this is empty.
         subjects
             Names of subjects.
         kept_only
@@ -93,7 +94,7 @@ class BagLibrary:
         chosen = tuple(
             bag
             for bag in self.bags
-            if (not labels or bag.label in labels)
+            if (not labels or (bag.label in labels and (bag.label is not None or bag.unlabelled)))
             and (not subjects or bag.subject in subjects)
             and (bag.kept or not kept_only)
         )
@@ -103,6 +104,7 @@ class BagLibrary:
 
     def _contents(self) -> str:
         labels = sorted({str(bag.label) for bag in self.bags if bag.label})
+        labels += [UNLABELLED] * any(bag.unlabelled for bag in self.bags)
         subjects = sorted({bag.subject for bag in self.bags if bag.subject})
         refused = f", and {len(self.refused)} that cannot be read: {self.refused[0]}" if self.refused else ""
         return (

@@ -12,6 +12,7 @@ from msrd_ros.bags.info import BagInfo
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
+from msrd_ros.contract.labels import say_label
 from msrd_ros.contract.outcome import RETURNED, Outcome
 from msrd_ros.contract.topics import CONTRACT, OUTCOME
 from msrd_ros.contract.translation import read_outcome
@@ -20,6 +21,7 @@ from msrd_ros.recordings.inspection import Origin, judge
 from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.recordings.outliers import missed_samples
 from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.strokes.description import Description, met_side
 
 ACCEPTED = "accepted"
 PATH_PERIOD_S = 0.1
@@ -38,7 +40,7 @@ class Row:
     ball_id
         Which ball, as the referee counted.
     subject, label
-        Who showed what.
+        Who showed what; ``unlabelled`` for a stroke that has no label.
     length_s
         Of the recording of this ball.
     outcome
@@ -47,6 +49,8 @@ class Row:
         Of the ball right after the hit, about x, y and z of `world`, as the referee said.
     landing_m
         Where the ball first bounced on the far half, x and y in `world`, as the referee said.
+    does
+        What it does with the ball in a line, of one that came back: by that a person tells a stroke.
     verdict, detail
         ``accepted``, or why the stroke is no demonstration.
     flags
@@ -71,6 +75,7 @@ class Row:
     outcome: str = ""
     spin_rad_s: tuple[float, float, float] | None = None
     landing_m: tuple[float, float] | None = None
+    does: str = ""
     verdict: str = UNREADABLE
     detail: str = ""
     flags: tuple[str, ...] = ()
@@ -126,7 +131,7 @@ def measure(stroke: Stroke, row: Row, info: BagInfo, robot: Robot, origin: Origi
     row = replace(
         row,
         ball_id=stroke.ball_id,
-        label=str(stroke.label or ""),
+        label=say_label(stroke.label),
         length_s=(stroke.messages[-1].log_time_ns - stroke.messages[0].log_time_ns) / 1e9,
         outcome=stroke.outcome or "",
         verdict=reason,
@@ -145,6 +150,8 @@ def measure(stroke: Stroke, row: Row, info: BagInfo, robot: Robot, origin: Origi
             spin_rad_s=spin if np.isfinite(spin).all() else None,
             landing_m=landing if np.isfinite(landing).all() else None,
         )
+        if said.returned and episode is not None:
+            row = replace(row, does=str(Description.of(met_side([episode]), [said])))
     return Measured(row, episode, missed)
 
 

@@ -12,12 +12,18 @@ from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.static_transforms import static_transforms_from_urdf
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.bags.writer import keep_stroke
+from msrd_ros.contract.labels import say_label
 from msrd_ros.contract.topics import CONTRACT, ROBOT_DESCRIPTION, TF_STATIC, BagMessage, BagTopic
 from msrd_ros.recordings.episodes import ROBOT_KEY
 from msrd_ros.recordings.inspection import inspect, label_joint_states
 from msrd_ros.recordings.limits import InspectionLimits
 from msrd_ros.recordings.verdict import Refusal, Verdict
 from msrd_ros.robots.robot import Robot
+
+_NO_LABEL = Verdict(
+    Refusal.NO_LABEL,
+    "no strategy was set; publish its label on strategy, or keep such strokes with unlabelled:=true",
+)
 
 
 @dataclass(frozen=True)
@@ -44,8 +50,7 @@ class StoreResult:
     @property
     def name(self) -> str:
         """Which stroke, for a person."""
-        label = self.stroke.label or "a ball"
-        return f"{label} of {self.subject}, ball {self.stroke.ball_id or '?'}"
+        return f"{say_label(self.stroke.label)} of {self.subject}, ball {self.stroke.ball_id or '?'}"
 
 
 class StrokeStore:
@@ -92,6 +97,7 @@ class StrokeStore:
         latched: Mapping[str, Sequence[bytes]],
         keep_all: bool = False,
         note: str = "",
+        unlabelled: bool = False,
     ) -> StoreResult:
         """Judge a stroke, and write it if it is accepted.
 
@@ -104,12 +110,16 @@ class StrokeStore:
         latched
             Latched messages in effect (`robot_description`, ``/tf_static``), by relative name.
         keep_all
-            Write refused strokes as well, marked as such; all but those without a label.
+            Write refused strokes as well, marked as such.
         note
             What is said of it in its metadata; nothing if empty.
+        unlabelled
+            Write strokes without a label as well; else they are refused, also with `keep_all`.
         """
         verdict = inspect(stroke, self._robot, self._limits)
-        if stroke.label is None or not (verdict.accepted or keep_all):
+        if stroke.label is None and not unlabelled:
+            return StoreResult(stroke, subject, verdict if verdict.reason else _NO_LABEL)
+        if not (verdict.accepted or keep_all):
             return StoreResult(stroke, subject, verdict)
         free = self.free_bytes
         if free < self._minimum_free_bytes:

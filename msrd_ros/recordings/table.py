@@ -16,6 +16,7 @@ from msrd_ros.bags.info import read_info
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
 from msrd_ros.bags.metadata import NOTE_KEY
 from msrd_ros.bags.reader import Bag
+from msrd_ros.contract.labels import UNLABELLED
 from msrd_ros.contract.topics import OUTCOME
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.episodes import cut_bag
@@ -117,7 +118,8 @@ class StrokeTable:
         try:
             info = read_info(path)
             note = info.custom_data.get(NOTE_KEY)
-            row = replace(row, subject=info.subject, label=info.label or "", flags=(note,) if note else ())
+            label = UNLABELLED if info.unlabelled else str(info.label or "")
+            row = replace(row, subject=info.subject, label=label, flags=(note,) if note else ())
             row = replace(row, length_s=info.duration_ns / 1e9)
             strokes, origin, _ = cut_bag(Bag(path, self._names), self._robot)
         except UserError as error:
@@ -138,7 +140,10 @@ class StrokeTable:
             among = [
                 place
                 for place, number in enumerate(numbers)
-                if found[number].verdict == ACCEPTED and not found[number].discarded
+                # Strokes without a label may be of any strategy: none is held against the others.
+                if found[number].verdict == ACCEPTED
+                and not found[number].discarded
+                and found[number].label != UNLABELLED
             ]
             jerk = np.array([rms_jerk(episode) for episode in episodes])
             apart = distances([path_of(episode) for episode in episodes], among)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
+from msrd_ros.contract.labels import say_label
 from msrd_ros.studio.scene import Picture
 
 TRAIL_STEPS = 60
@@ -64,7 +65,7 @@ class Replay:
         outcome = self._episode.outcome
         return {
             "bag": self._name,
-            "label": str(self._episode.label),
+            "label": say_label(self._episode.label),
             "subject": self._episode.subject,
             "verdict": outcome.message if outcome else "",
             "time_s": round(self.time_s, 3),

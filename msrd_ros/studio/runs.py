@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from msrd_ros.bags.info import BagInfo
+from msrd_ros.contract.labels import WITHOUT_LABEL
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.formats import read_report
 from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE
@@ -125,14 +126,17 @@ class Runs:
         }
 
 
-def link_bags(run: Path, bags: Iterable[BagInfo]) -> Path:
+def link_bags(run: Path, bags: Sequence[BagInfo]) -> Path:
     """Lay links to bags into a run's folder; the folder of the links.
 
     Raises
     ------
     UserError
-        If they cannot be written.
+        If one says that it has no label, and then nothing is written; if they cannot be written.
     """
+    for bag in bags:
+        if bag.unlabelled:
+            raise UserError(f"{bag.subject} {bag.path.name}: {WITHOUT_LABEL}")
     folder = run / BAGS_FOLDER
     try:
         for number, bag in enumerate(bags, start=1):

@@ -197,17 +197,46 @@ def test_joint_states_with_a_frame_of_their_own_are_unlabelled_no_error(tmp_path
     assert episode.label == LABEL
 
 
-def test_a_bag_without_labels_is_refused_unless_its_name_tells(tmp_path: Path) -> None:
+def test_a_bag_without_labels_is_unlabelled_unless_its_name_tells(tmp_path: Path) -> None:
     silent = [
         message
         for message in stroke_messages(joint_frame="base_link")
         if message.topic in ("joint_states", "ball/position")
     ]
     path = foreign(tmp_path / "session", silent)
-    assert_refused(path, "no strategy label", "<label>_<nnn>")
+    (episode,) = read_episodes(Bag(path))
+    assert episode.label is None
+    with pytest.raises(UserError, match=rf"{path}: no strategy label; give it one with .* relabel"):
+        _ = episode.strategy
     named = path.rename(tmp_path / "backhand-topspin_001")
     (episode,) = read_episodes(Bag(named))
     assert str(episode.label) == "backhand-topspin"
+
+
+def test_a_bag_that_says_it_is_unlabelled_is_so_in_name_and_headers(tmp_path: Path) -> None:
+    def keep_bare(label: str) -> Path:
+        stroke = stroke_messages(label)
+        return keep_stroke(tmp_path, "s01", None, topics_of(stroke), at_root(stroke), {})
+
+    path = keep_bare("")
+    assert path.name == "unlabelled_001"
+    info = read_info(path)
+    assert (info.label, info.unlabelled, info.custom_data["label"]) == (None, True, "")
+    bag = Bag(path)
+    assert bag.labels(bag.raw()) == set()
+    assert [episode.label for episode in read_episodes(bag)] == [None]
+    contradicted = keep_bare("forehand-push")
+    assert contradicted.name == "unlabelled_002"
+    assert_refused(contradicted, "rally/outcome says forehand-push", "metadata or name unlabelled")
+    assert_refused(path.rename(path.with_name("forehand-push_007")), "custom_data says unlabelled", "rename")
+
+
+def test_a_bags_own_label_holds_for_all_its_strokes_that_say_nothing(tmp_path: Path) -> None:
+    session = stroke_messages("") + stroke_messages("", START_NS + 3_000_000_000, ball_id=2)
+    path = foreign(tmp_path / "session", session)
+    assert [episode.label for episode in read_episodes(Bag(path))] == [None, None]
+    named = path.rename(tmp_path / "backhand-topspin_001")
+    assert [str(episode.label) for episode in read_episodes(Bag(named))] == ["backhand-topspin"] * 2
 
 
 def test_strategies_that_nothing_parts_are_refused(tmp_path: Path) -> None:

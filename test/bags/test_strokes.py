@@ -255,7 +255,6 @@ def test_what_is_refused_says_why() -> None:
     good = stroke_messages()
     assert judge(good) == Verdict()
     assert judge(stroke_messages(miss=MissReason.LONG)).reason == "long"
-    assert judge(stroke_messages(label="")).reason == Refusal.NO_LABEL
     assert judge([m for m in good if m.topic != "ball/position"]).reason == Refusal.NO_BALL
     assert judge([m for m in good if m.topic != "joint_states"]).reason == Refusal.NO_JOINT_STATES
     conflict = [
@@ -265,6 +264,16 @@ def test_what_is_refused_says_why() -> None:
     verdict = judge(conflict)
     assert verdict.reason == Refusal.LABEL_CONFLICT
     assert "forehand-slice" in verdict.detail
+    for topic in ("strategy", "rally/outcome"):
+        # Where one alone says something, and that is no label, the stroke has none that could be meant.
+        write = {"strategy": strategy, "rally/outcome": outcome}[topic]
+        odd = [
+            m._replace(data=write(m.log_time_ns, "My Smash")) if m.topic == topic else m
+            for m in stroke_messages(label="")
+        ]
+        verdict = judge(odd)
+        assert verdict.reason == Refusal.LABEL_CONFLICT
+        assert f"{topic} says 'My Smash', the stroke is unlabelled" in verdict.detail
     (stroke,) = cut(arrivals(good))
     assert inspect(dataclasses.replace(stroke, lost=3), ROBOT, LIMITS).reason == Refusal.MESSAGES_LOST
     assert inspect(dataclasses.replace(stroke, outcome=""), ROBOT, LIMITS).reason == Refusal.BAD_OUTCOME
@@ -333,6 +342,9 @@ def test_joint_states_without_labels_get_one_in_the_stored_copy_only() -> None:
     (labelled,) = cut(arrivals(stroke_messages()))
     assert label_joint_states(labelled) == labelled.messages
     (bare,) = cut(arrivals(stroke_messages(joint_frame="base_link")))
+    (nameless,) = cut(arrivals(stroke_messages(label="", joint_frame="base_link")))
+    assert nameless.label is None
+    assert label_joint_states(nameless) == nameless.messages
     stored = label_joint_states(bare)
     assert len(stored) == len(bare.messages)
     for message, original in zip(stored, bare.messages, strict=True):

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from libraries import copy_of
 from msrd_ros.__main__ import main
 from msrd_ros.explain.explanation import Explanation
+from msrd_ros.recordings.curation import Curation
 from quick_rewards import shipped_bag
 
 PUSH, SLICE = shipped_bag(3, "forehand-push"), shipped_bag(3, "backhand-slice")
@@ -71,6 +73,25 @@ def test_others_rank_and_calibrate_but_never_the_stroke_itself(
     words = ["explain", str(own), "--checkpoint", str(checkpoint), "--among", str(tmp_path / "alone")]
     assert main(words) == 2
     assert "no other returned stroke" in capsys.readouterr().err
+
+
+def test_a_stroke_without_a_label_is_told_and_ranked_among_its_like(
+    checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    among = copy_of(
+        "subject_03", "forehand-push_001", "forehand-push_002", "backhand-slice_001", target=tmp_path / "bags"
+    )
+    for name in ("forehand-push_001", "backhand-slice_001"):
+        Curation(among).relabel(among / "subject_03" / name, "")
+    own = among / "subject_03" / "unlabelled_001"
+    words = ["explain", str(own), "--checkpoint", str(checkpoint), "--among", str(among)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert f"{own}: unlabelled of subject_03, returned, R0 " in said
+    assert "of 1 other returned strokes of unlabelled" in said
+    assert ("calibrated with 1 strokes" in said) or ("training knows those of --among too well" in said)
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["strokes"][0]["label"] == "unlabelled"
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,7 @@ class StandingStill(Collector):
 
 def learn_quickly(episodes: Sequence[Episode], iterations: int = 1) -> MSRD:
     """MSRD with the strokes' recipe, but for a few iterations that move nothing."""
-    labels = Strategies.shipped().sort(episode.label for episode in episodes)
+    labels = Strategies.shipped().sort(episode.strategy for episode in episodes)
     recipe = stroke_recipe(StrokeTrainingConfig(iterations=iterations, episodes=8), labels, ROBOT)
     recipe = replace(
         recipe,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,14 @@ from nav_msgs.msg import Odometry
 
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import HORIZON, Episode
+from msrd_ros.contract.outcome import RETURNED
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import EVENT
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.recordings.library import BagLibrary
-from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.recordings.table import rows
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, Stroke
 from sawyer import ROBOT, SPEED_LIMIT_RAD_S
 from stack import Stack
 
@@ -68,6 +71,25 @@ def test_live_disk_and_played_strokes_are_the_same_arrays(stack: Stack, tmp_path
                 if other.label == episode.label and np.array_equal(other.observations, episode.observations)
             )
             np.testing.assert_array_equal(same.actions, episode.actions)
+
+
+def test_strokes_whose_strategy_nobody_says_are_recorded_and_told_by_what_they_do(
+    stack: Stack, tmp_path: Path
+) -> None:
+    simulator = stack.start_simulator(seed=5, show=False)
+    recorder = stack.start("recorder", directory=tmp_path, unlabelled=True)
+    remap = ("--ros-args", "-r", "strategy:=unsaid")
+    study = {"subjects": 1, "recordings": 1, "seed": 1}
+    demonstrator = stack.launcher.start("demonstrator", *remap, parameters=study)
+    stack.wait_until(lambda: not demonstrator.running, "end of the study", 150.0, simulator)
+    assert demonstrator.wait() == 0, demonstrator.output
+    assert recorder.stop() == simulator.stop() == 0
+    found = rows(tmp_path)
+    assert {(row.label, row.verdict, row.outcome) for row in found} == {("unlabelled", "accepted", RETURNED)}
+    words = {Stroke.SLICE: "backspin", Stroke.PUSH: "little spin", Stroke.TOPSPIN: "topspin"}
+    assert Counter(row.does.split(" (")[0] for row in found) == Counter(
+        f"{label.side}, {words[label.stroke]}" for label in ALL_LABELS
+    )
 
 
 def test_a_demonstrator_that_is_started_again_calls_off_the_ball_it_had_left(stack: Stack) -> None:

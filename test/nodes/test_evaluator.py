@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,11 @@ def test_balls_are_fed_counted_and_reported_and_who_is_missing_is_named(stack: S
         assert row["returned"] + sum(row["miss_reasons"].values()) == 2
         assert row["struck"] >= row["returned"]
         evaluator.wait_for_line(rf"^{label} +2 ")
+        described = row["description"]
+        assert described["side"] == str(label.side)
+        assert described["text"].startswith(f"{label.side}, ")
+        evaluator.wait_for_line(f"^{label}: {re.escape(described['text'])}$")
+        assert (described["landing_m"] is None) == (row["returned"] == 0)
     assert stack.diagnosed("simulator")["balls"] == "4"
     assert stack.diagnosed("simulator")["limits_exceeded"] == "0"
 

@@ -186,6 +186,27 @@ def test_a_choice_is_played_and_broken_bags_are_named(
     process.wait_for_line("played 1 bags, .*, 1 left out")
 
 
+def test_strokes_without_a_label_are_chosen_and_played_with_an_empty_one(
+    launcher: Launcher, listener: Listener, tmp_path: Path
+) -> None:
+    keep(tmp_path)
+    bare = stroke_messages("")
+    said = keep_stroke(tmp_path, "s01", None, topics_of(bare), at_root(bare), {})
+    # Its recorder has never heard a strategy.
+    silent = [message for message in bare if message.topic != "strategy"]
+    other = keep_stroke(tmp_path, "s02", None, topics_of(silent), at_root(silent), {})
+    parameters = {"bags": f"[{tmp_path}]", "labels": "[unlabelled]", "rate": 20.0}
+    process = launcher.start("player", parameters=parameters)
+    listener.hear(process)
+    assert process.wait() == 0, process.output
+    process.wait_for_line("played 2 bags")
+    assert [path.name for path in (said, other)] == ["unlabelled_001"] * 2
+    for topic in ("strategy", "rally/outcome"):
+        assert {read_frame_id(data) for data in listener.messages[topic]} == {""}
+    assert len(listener.messages["strategy"]) == len(listener.messages["rally/outcome"]) == 2
+    assert len(listener.messages["joint_states"]) == 2 * len(of(Bag(said).raw(), "joint_states"))
+
+
 def test_topics_of_others_are_passed_over_by_name(
     launcher: Launcher, listener: Listener, tmp_path: Path
 ) -> None:

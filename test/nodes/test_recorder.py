@@ -21,6 +21,7 @@ from rclpy.utilities import try_shutdown
 from std_srvs.srv import Trigger
 
 from mcap_doctor import examine
+from msrd_ros.bags.cdr import read_frame_id
 from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.schemas import deserialise
 from msrd_ros.contract.episode import Episode
@@ -228,6 +229,49 @@ def test_all_are_kept_on_request_and_marked(launcher: Launcher, source: StrokeSo
         (True, "returned"),
     ]
     assert [bag.path.name for bag in library.select()] == ["forehand-push_003"]
+
+
+def test_strokes_without_a_label_are_kept_on_request_and_else_refused_with_the_way_to_it(
+    launcher: Launcher, source: StrokeSource, tmp_path: Path
+) -> None:
+    start(launcher, source, tmp_path, note="by hand")
+    source.send(simulated(0, label=""))
+    refused = source.verdict(1)
+    assert (refused["reason"], refused["path"]) == ("no_label", "")
+    assert refused["detail"].endswith(
+        "publish its label on strategy, or keep such strokes with unlabelled:=true"
+    )
+
+    assert set_parameter(source, "unlabelled", True).successful
+    strokes = [simulated(1, label=""), simulated(2, label="", joint_frame="base_link"), simulated(3)]
+    for stroke in strokes:
+        source.send(stroke)
+    source.send(simulated(4, label="", velocity_scale=1.5))
+    names = ["unlabelled_001", "unlabelled_002", "forehand-push_001"]
+    for number, name in enumerate(names, start=2):
+        verdict = source.verdict(number)
+        assert (verdict["kept"], verdict["path"]) == ("true", str(tmp_path / "s01" / name)), verdict
+    assert [source.verdict(number)["label"] for number in (2, 3, 4)] == ["", "", "forehand-push"]
+    assert source.verdict(5)["reason"] == "joint_speed"
+    assert sorted(path.name for path in (tmp_path / "s01").iterdir()) == sorted(names)
+
+    for stroke, name, frame in zip(strokes, names, ("", "base_link"), strict=False):
+        bag = Bag(tmp_path / "s01" / name)
+        assert (bag.info.unlabelled, bag.info.outcome, bag.info.kept) == (True, "returned", True)
+        assert {
+            **bag.info.custom_data,
+            "label": "",
+            "subject": "s01",
+            "note": "by hand",
+        } == bag.info.custom_data
+        frames: dict[str, set[str]] = {}
+        for message in bag.raw():
+            if message.topic in ("/strategy", "/rally/outcome", "/joint_states"):
+                frames.setdefault(message.topic, set()).add(read_frame_id(message.data))
+        assert frames == {"/strategy": {""}, "/rally/outcome": {""}, "/joint_states": {frame}}
+        (episode,) = read_episodes(bag)
+        assert episode.label is None
+        np.testing.assert_array_equal(episode.observations, assembled(stroke).observations)
 
 
 def test_a_driver_without_labels_and_a_best_effort_camera_are_recorded(

@@ -11,11 +11,14 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import UInt8MultiArray
 
+from libraries import copy_of
+from msrd_ros.contract.labels import WITHOUT_LABEL
 from msrd_ros.nodes.common import EVENT, LATCHED
+from msrd_ros.recordings.curation import Curation
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from processes import RunningProcess
-from stack import Stack
+from stack import Stack, one_line
 
 pytestmark = pytest.mark.processes
 
@@ -116,6 +119,26 @@ def test_a_signal_to_end_loses_nothing_that_was_learned(
 def value_of(message: DiagnosticArray, key: str) -> str:
     """One figure of the progress."""
     return str(next(pair.value for pair in message.status[0].values if pair.key == key))
+
+
+def test_strokes_without_a_label_are_refused_by_name_with_the_ways_out(stack: Stack, tmp_path: Path) -> None:
+    folder = copy_of("subject_01", *(f"{label}_001" for label in LABELS), target=tmp_path / "bags")
+    for label in LABELS:
+        Curation(folder).relabel(folder / "subject_01" / f"{label}_001", "")
+    trainer = stack.start("trainer", bags=folder, out=tmp_path / "out")
+    assert (
+        f"no demonstration is left; bag {folder}/subject_01/unlabelled_001: no_label, {WITHOUT_LABEL}"
+        in one_line(trainer, "trainer")
+    )
+
+    # Heard over topics they are left out one by one.
+    trainer = stack.start("trainer", source="played", out=tmp_path / "out")
+    trainer.wait_for_line("ready: waiting")
+    player = stack.start("player", bags=f"[{folder}]", rate=5.0)
+    assert player.wait(90.0) == 0, player.output
+    trainer.wait_for_line(r"ball \d+ is left out: no_label, no strategy label; give it one")
+    assert "no demonstration has arrived" in stack.trigger("trainer/start").message
+    assert trainer.stop() == 0
 
 
 def test_without_demonstrations_there_is_nothing_to_start(stack: Stack, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +17,7 @@ from msrd_ros.bags.info import read_info
 from msrd_ros.bags.reader import Bag
 from msrd_ros.bags.schemas import serialise
 from msrd_ros.bags.writer import set_aside, write_bag
-from msrd_ros.contract.labels import FRAME_NAMES
+from msrd_ros.contract.labels import FRAME_NAMES, UNLABELLED
 from msrd_ros.contract.topics import BagMessage, BagTopic
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.curation import Curation
@@ -57,6 +58,33 @@ def test_a_relabelled_bag_reads_as_the_new_label_and_is_else_the_same(folder: Pa
     assert [bag.path.name for bag in BagLibrary.scan(folder).bags] == [f"{LABEL}_002", "my-smash_001"]
 
 
+def test_a_label_is_taken_away_and_another_given(folder: Path) -> None:
+    before = contents(folder)
+    (first,) = read_episodes(Bag(folder / BAG))
+    curation = Curation(folder)
+    bare = curation.relabel(folder / BAG, "")
+    assert bare.to == "subject_01/unlabelled_001"
+    assert str(bare).endswith("now subject_01/unlabelled_001: label forehand-push -> unlabelled")
+    bag = Bag(folder / bare.to)
+    assert (bag.info.unlabelled, bag.info.custom_data["label"], bag.labels(bag.raw())) == (True, "", set())
+    assert not {read_frame_id(m.data) for m in bag.raw() if m.topic in ("/joint_states", "/strategy")} - {""}
+    with pytest.raises(UserError, match="is unlabelled already"):
+        curation.relabel(folder / bare.to, "unlabelled")
+    other = curation.relabel(folder / f"subject_01/{LABEL}_002", "unlabelled")
+    assert other.to == "subject_01/unlabelled_002"
+
+    smash = curation.relabel(folder / bare.to, "my-smash")
+    assert smash.to == "subject_01/my-smash_001"
+    bag = Bag(folder / smash.to)
+    assert (bag.info.label, bag.labels(bag.raw())) == ("my-smash", {"my-smash"})
+    (episode,) = read_episodes(bag)
+    assert episode.label == "my-smash"
+    np.testing.assert_array_equal(episode.observations, first.observations)
+    for edit in (smash, other, bare):
+        curation.restore(folder / edit.to)
+    assert contents(folder) == before
+
+
 def test_a_label_travels_on_commands_and_verdicts_too_and_frames_of_drivers_stay(tmp_path: Path) -> None:
     messages = at_root(stroke_messages(LABEL, joint_frame="base_link"), prefix="/lab")
     command = make("trajectory_msgs/msg/JointTrajectory", header(messages[0].log_time_ns, LABEL), [], [])
@@ -76,7 +104,7 @@ def test_a_label_travels_on_commands_and_verdicts_too_and_frames_of_drivers_stay
 
 
 LABELS = st.from_regex(r"[a-z0-9-]{1,64}", fullmatch=True).filter(
-    lambda text: text not in FRAME_NAMES and text != LABEL
+    lambda text: text not in {*FRAME_NAMES, UNLABELLED, LABEL}
 )
 
 

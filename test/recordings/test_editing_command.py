@@ -63,6 +63,31 @@ def test_a_bag_is_edited_and_all_is_taken_back(folder: Path, capsys: pytest.Capt
     assert contents(folder) == before
 
 
+def test_strokes_without_a_label_are_listed_described_checked_and_labelled(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["relabel", str(folder / "subject_02/backhand-slice_001"), "unlabelled"]) == 0
+    assert capsys.readouterr().out.endswith("label backhand-slice -> unlabelled\n")
+    bare = "subject_02/unlabelled_001"
+    assert listed(folder, capsys, "--label", "unlabelled") == [bare]
+    assert listed(folder, capsys, "--sort", "label")[-1] == bare
+    assert main(["list", str(folder), "--label", "unlabelled"]) == 0
+    (_, line, total) = capsys.readouterr().out.splitlines()
+    assert line.split()[:3] == [bare, "subject_02", "unlabelled"]
+    assert re.search(r"backhand, backspin \(-\d+ rad/s\), \d\.\d m/s, lands \d\.\d\d m beyond the net", line)
+    assert total == "1 stroke, 1 accepted, 0 marked as outliers"
+    assert main(["check", str(folder)]) == 0
+    checked = capsys.readouterr().out
+    assert f"{bare}: 1 stroke\n  note: unlabelled: no strategy label; give it one with" in checked
+    assert checked.count("note:") == 1
+    assert main(["trim", str(folder / bare), "0.1", "2.2"]) == 0
+    assert main(["discard", str(folder / bare)]) == 0
+    assert main(["restore", str(folder / bare)]) == 0
+    assert main(["relabel", str(folder / bare), "my-cut"]) == 0
+    assert "label unlabelled -> my-cut" in capsys.readouterr().out
+    assert listed(folder, capsys, "--label", "my-cut") == ["subject_02/my-cut_001"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from msrd_ros.bags.writer import keep_stroke
+from msrd_ros.bags.writer import keep_stroke, write_bag
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.library import BagLibrary
@@ -46,6 +46,20 @@ def test_bags_are_found_in_order_and_selected(folder: Path) -> None:
     assert [bag.subject for bag in library.select(labels=[SLICE])] == ["s01", "s02"]
     assert len(library.select(labels=[PUSH], subjects=["s02"])) == 2
     with pytest.raises(UserError, match=r"labels backhand-slice, forehand-push and subjects s01, s02"):
+        library.select(subjects=["s03"])
+
+
+def test_bags_that_say_they_are_unlabelled_are_selected_by_that(folder: Path) -> None:
+    bare = stroke_messages("")
+    path = keep_stroke(folder, "s01", None, topics_of(bare), at_root(bare), {"outcome": "returned"})
+    silent = folder / "session"
+    write_bag(silent, topics_of(bare), at_root(bare), {})
+    library = BagLibrary.scan(folder)
+    assert [bag.path for bag in library.select(labels=[None])] == [path]
+    assert [bag.label for bag in library.select(labels=[None, SLICE])] == [SLICE, None, SLICE]
+    assert {path, silent} <= {bag.path for bag in library.select()}
+    assert path not in {bag.path for bag in library.select(labels=[PUSH, SLICE])}
+    with pytest.raises(UserError, match="labels backhand-slice, forehand-push, unlabelled and subjects"):
         library.select(subjects=["s03"])
 
 

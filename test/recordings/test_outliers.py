@@ -85,7 +85,7 @@ def test_a_stroke_under_another_label_is_mostly_found_and_one_under_its_own_most
     paths: dict[str, list[np.ndarray]] = {}
     for reading in read_bags(BagLibrary.scan(shipped_bags()).bags):
         for episode in reading.episodes:
-            paths.setdefault(episode.label, []).append(path_of(episode))
+            paths.setdefault(episode.strategy, []).append(path_of(episode))
     marked = 0
     for own in paths.values():
         scores = deviations(distances(own, range(len(own))), range(len(own)), LIMITS)

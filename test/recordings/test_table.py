@@ -65,6 +65,21 @@ def test_a_stroke_under_the_wrong_label_stands_out_and_the_others_do_not(copy: P
     assert "rad away" in marked[0].marks[0]
 
 
+def test_strokes_without_a_label_are_held_against_nobody(copy: Path) -> None:
+    for path in sorted(copy.glob("*/*")):
+        Curation(copy).relabel(path, "unlabelled")
+    found = rows(copy)
+    assert Counter((row.label, row.verdict, row.marks) for row in found) == {
+        ("unlabelled", "accepted", ()): 18
+    }
+    assert {row.distance_rad for row in found} == {None}
+    assert all(row.jerk_rad_s3 for row in found)
+    assert Counter(row.does.split(" (")[0] for row in found) == {
+        "forehand, little spin": 9,
+        "backhand, backspin": 9,
+    }
+
+
 def test_a_trembling_arm_stands_out_by_its_jerk(copy: Path) -> None:
     bag = f"subject_01/{LABEL}_001"
 

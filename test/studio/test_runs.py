@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
+from libraries import copy_of
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.formats import write_report
 from msrd_ros.core.resources import shipped_bags
+from msrd_ros.recordings.curation import Curation
 from msrd_ros.recordings.library import BagLibrary
 from msrd_ros.studio.runs import BAGS_FOLDER, Runs, link_bags
 
@@ -44,6 +46,14 @@ def test_a_run_says_what_it_learned_from_and_what_it_reached(tmp_path: Path) -> 
     assert (told["struck"], told["returned"]) == ([1.0], [0.9])
     assert not told["plays"]
     assert not told["goes_on"]
+
+
+def test_a_stroke_without_a_label_is_nothing_to_learn_from(tmp_path: Path) -> None:
+    folder = copy_of("subject_01", "forehand-push_001", "forehand-push_002", target=tmp_path / "bags")
+    Curation(folder).relabel(folder / "subject_01" / "forehand-push_001", "unlabelled")
+    with pytest.raises(UserError, match="subject_01 unlabelled_001: no strategy label; give it one"):
+        link_bags(tmp_path / "drive", BagLibrary.scan(folder).bags)
+    assert not (tmp_path / "drive").exists()
 
 
 def test_only_what_stopped_and_has_its_bags_goes_on(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -92,6 +93,22 @@ def test_studio_library_relabels_and_takes_back(page: Page, bags: Path) -> None:
     expect(line(page, "forehand-push_002")).to_be_visible()
     assert (bags / "subject_01" / "forehand-push_002" / "metadata.yaml").read_bytes() == before
     assert not (bags / "subject_01" / "my-smash_001").exists()
+
+
+def test_studio_library_takes_a_label_away_and_finds_and_shows_the_stroke(page: Page, bags: Path) -> None:
+    page.once("dialog", lambda dialog: dialog.accept("unlabelled"))
+    line(page, "forehand-push_002").click()
+    page.get_by_role("button", name="Relabel").click()
+    page.get_by_label("Filter strokes").fill("unlabelled")
+    expect(page.locator("#bags tbody tr")).to_have_count(1)
+    bare = line(page, "unlabelled_001")
+    expect(bare.locator("td").nth(2)).to_have_text("unlabelled")
+    expect(bare.locator("td").nth(2)).to_have_attribute("title", re.compile("^forehand, little spin"))
+    bare.click()
+    page.get_by_role("button", name="Take back").click()
+    page.get_by_label("Filter strokes").fill("")
+    expect(line(page, "forehand-push_002")).to_be_visible()
+    assert not (bags / "subject_01" / "unlabelled_001").exists()
 
 
 def test_studio_library_throws_away_and_shows_what_was(page: Page, bags: Path) -> None:

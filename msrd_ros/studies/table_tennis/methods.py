@@ -207,7 +207,7 @@ def make_training(method: StrokeMethod, data: StudyData, budget: Budget, seed: i
 def run_settings(method: StrokeMethod, data: StudyData, budget: Budget) -> dict[str, Any]:
     """Everything that a run depends on beside recordings and seed, as data for JSON."""
     settings = settings_of(method, budget, 0)
-    labels = Strategies.shipped().sort(episode.label for episode in data.training)
+    labels = Strategies.shipped().sort(episode.strategy for episode in data.training)
     recipe = stroke_recipe(settings, labels, data.training[0].robot)
     return {"name": method.name, "recipe": recipe.to_dict(), "training": asdict(settings)}
 

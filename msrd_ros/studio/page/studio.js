@@ -239,7 +239,7 @@ function look() {
 
 function list() {
   const wanted = $("filter").value.toLowerCase();
-  const said = (row) => [row.label, row.subject, row.verdict, row.bag, ...row.flags].join(" ").toLowerCase();
+  const said = (row) => [row.label, row.does, row.subject, row.verdict, row.bag, ...row.flags].join(" ").toLowerCase();
   const key = KEYS[sorted];
   const shown = rows
     .filter((row) => said(row).includes(wanted) && (!$("outliers").checked || row.marks.length))
@@ -258,6 +258,7 @@ function list() {
     line.classList.toggle("chosen", chosen.includes(row.bag));
     line.classList.toggle("discarded", row.discarded !== "");
     line.cells[6].classList.toggle("refused", row.verdict !== "accepted");
+    line.cells[2].title = row.does;
     line.cells[6].title = row.detail || row.verdict;
     line.cells[0].append(...marks(row));
     line.cells[1].append(thumbnail(row));
@@ -378,7 +379,7 @@ $("compare").onclick = () => {
 };
 $("explain").onclick = () => ask("explain", { bags: chosen }, showTold);
 $("relabel").onclick = () => {
-  const label = askText("New label: a-z, 0-9 and hyphen", rows.find((row) => row.bag === chosen[0]).label);
+  const label = askText("New label: a-z, 0-9 and hyphen; unlabelled takes it away", rows.find((row) => row.bag === chosen[0]).label);
   if (label) edit("relabel", { label });
 };
 $("trim").onclick = () => {

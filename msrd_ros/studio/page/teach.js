@@ -380,7 +380,7 @@ const DO = {
   },
   d: () => ask("teach_discard"),
   l: () => {
-    const label = window.prompt("New label: a-z, 0-9 and hyphen", teach.strokes[0].label);
+    const label = window.prompt("New label: a-z, 0-9 and hyphen; unlabelled takes it away", teach.strokes[0].label);
     if (label) ask("teach_label", { label: label.trim() }, () => { settled = teach.strokes[0].number; });
   },
 };

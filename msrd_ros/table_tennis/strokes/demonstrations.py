@@ -21,13 +21,13 @@ def gather_demonstrations(episodes: Sequence[Episode], strategies: Strategies) -
     Raises
     ------
     UserError
-        If there is no episode.
+        If there is no episode, or one has no label; names its source.
     """
     if not episodes:
         raise UserError("no demonstrations: record some, or give a folder of bags")
     by_label = {
         label: [episode for episode in episodes if episode.label == label]
-        for label in strategies.sort(episode.label for episode in episodes)
+        for label in strategies.sort(episode.strategy for episode in episodes)
     }
     most, robot = max(map(len, by_label.values())), episodes[0].robot
     horizon = len(episodes[0].joint_position) - 1 - FIRST_ACTING_STEP

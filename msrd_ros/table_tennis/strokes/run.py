@@ -115,7 +115,7 @@ class RunTask(StrokeTask):
         return {
             "labels": [str(label) for label in training.labels],
             "config": asdict(training.config),
-            "demonstrations": Counter(str(episode.label) for episode in self._episodes),
+            "demonstrations": Counter(str(episode.strategy) for episode in self._episodes),
             "strategy_rewards": list(training.reward_groups),
             "strategy_matrix": training.strategy_matrix(self._episodes).tolist(),
             "task_reward_of_demonstrations": float(training.rewards_of(demonstrations, 0)[0].mean()),

@@ -29,7 +29,7 @@ from msrd_ros.learning.methods.airl import AirlEachCross
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.learning.trajectories import Transitions
 from msrd_ros.robots.robot import Robot
-from msrd_ros.table_tennis.ball.feeder import SPREADS, side_of
+from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.batched import (
     KinematicRallies,
     KinematicRalliesConfig,
@@ -38,6 +38,7 @@ from msrd_ros.table_tennis.simulation.batched import (
 )
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
+from msrd_ros.table_tennis.strokes.description import met_side
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
@@ -100,15 +101,14 @@ def stroke_facts(
 ) -> dict[StrategyLabel, StrokeFacts]:
     """What the episodes of each label say beside their motion, in the order of `strategies`.
 
-    The side is the listed one, else where the episodes met the ball: its y while it is nearest to the robot.
+    The side is the listed one, else where the episodes met the ball.
     """
     nowhere = np.full(2, np.nan)
     facts = {}
-    for label in strategies.sort(episode.label for episode in episodes):
+    for label in strategies.sort(episode.strategy for episode in episodes):
         own = [episode for episode in episodes if episode.label == label]
         pose = np.mean([episode.joint_position[0] for episode in own], axis=0)
-        met_y = np.mean([e.ball_position[e.ball_position[:, 0].argmin(), 1] for e in own])
-        side = strategies.of(label).side or side_of(float(met_y))
+        side = strategies.of(label).side or met_side(own)
         facts[label] = StrokeFacts(pose, landing_points.get(label, nowhere), side)
     return facts
 
@@ -119,7 +119,7 @@ def mean_landing_points(episodes: Sequence[Episode]) -> dict[StrategyLabel, NDAr
     for episode in episodes:
         if episode.outcome is not None and episode.outcome.returned:
             point = episode.outcome.landing_x_m, episode.outcome.landing_y_m
-            points.setdefault(episode.label, []).append(point)
+            points.setdefault(episode.strategy, []).append(point)
     return {label: np.mean(found, axis=0) for label, found in points.items()}
 
 
@@ -299,7 +299,7 @@ class StrokeTraining:
         first = [[owner_of(label) for label in self.labels].index(owner) for owner in self.reward_groups]
         matrix = np.zeros((len(self.reward_groups), len(self.reward_groups)))
         for column, owner in enumerate(self.reward_groups):
-            rows = [e.observations[FIRST_ACTING_STEP:] for e in episodes if owner_of(e.label) == owner]
+            rows = [e.observations[FIRST_ACTING_STEP:] for e in episodes if owner_of(e.strategy) == owner]
             if rows:
                 matrix[:, column] = self.rewards_of(np.stack(rows), 0)[1][first].mean(axis=1)
         low, high = matrix.min(axis=1, keepdims=True), matrix.max(axis=1, keepdims=True)
