@@ -16,6 +16,9 @@ if TYPE_CHECKING:
         demonstrations_from_arrays,
         demonstrations_from_minari,
     )
+    from msrd_ros.learning.discovery.discover import discover, discovered
+    from msrd_ros.learning.discovery.recheck import Recheck, recheck
+    from msrd_ros.learning.discovery.result import Discovery
     from msrd_ros.learning.environment import GymEnvironment
     from msrd_ros.learning.examples import example_demonstrations
     from msrd_ros.learning.layout import Layout
@@ -35,6 +38,7 @@ __all__ = [
     "BatchedEnvironment",
     "Collector",
     "Demonstrations",
+    "Discovery",
     "GymEnvironment",
     "Layout",
     "Learned",
@@ -45,14 +49,18 @@ __all__ = [
     "Policy",
     "PolicySet",
     "Problem",
+    "Recheck",
     "Rollouts",
     "UserError",
     "default_config",
     "demonstrations_from_arrays",
     "demonstrations_from_minari",
+    "discover",
+    "discovered",
     "example_demonstrations",
     "find_method",
     "play",
+    "recheck",
     "train",
 ]
 
@@ -61,6 +69,7 @@ _HOMES = {
     "BatchedEnvironment": "rollouts",
     "Collector": "rollouts",
     "Demonstrations": "trajectories",
+    "Discovery": "discovery.result",
     "GymEnvironment": "environment",
     "Layout": "layout",
     "Learned": "learned",
@@ -71,13 +80,17 @@ _HOMES = {
     "Policy": "policy",
     "PolicySet": "policy",
     "Problem": "method",
+    "Recheck": "discovery.recheck",
     "Rollouts": "trajectories",
     "default_config": "recipe",
     "demonstrations_from_arrays": "demonstration_sets",
     "demonstrations_from_minari": "demonstration_sets",
+    "discover": "discovery.discover",
+    "discovered": "discovery.discover",
     "example_demonstrations": "examples",
     "find_method": "methods",
     "play": "playing",
+    "recheck": "discovery.recheck",
     "train": "training",
 }
 """Modules are loaded when they are first asked for: other rooms need one or two of them, and no torch."""

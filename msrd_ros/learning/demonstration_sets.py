@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.alignment import better_shift
 from msrd_ros.learning.layout import Layout
-from msrd_ros.learning.trajectories import Demonstrations
+from msrd_ros.learning.trajectories import UNLABELLED, Demonstrations
 
 if TYPE_CHECKING:
     import minari
@@ -24,7 +24,7 @@ ROOM_AFTER_THE_LAST = 1.25
 def demonstrations_from_arrays(
     observations: Sequence[ArrayLike],
     actions: Sequence[ArrayLike],
-    labels: Sequence[str],
+    labels: Sequence[str | None] | None,
     terminated: bool | Sequence[bool] | None = None,
     observation_names: Sequence[str] = (),
     action_names: Sequence[str] = (),
@@ -39,7 +39,8 @@ def demonstrations_from_arrays(
     actions
         ``[T, A]`` each, in the environment's own units.
     labels
-        Whose strategy each trajectory is; strategies are numbered as they first appear.
+        Whose strategy each trajectory is; strategies are numbered as they first appear. None, for all or for
+        each: not known, and to be found by training with ``labels="discover"``.
     terminated
         Whether the episodes ended where the trajectories do (landed, fallen, done) rather than being cut
         off; for all or for each. May be left out where all are equally long: then they were cut off.
@@ -59,6 +60,8 @@ def demonstrations_from_arrays(
         If actions seem to stand beside other observations than those they were taken at, or a strategy has
         one demonstration only.
     """
+    if labels is None:
+        labels = [None] * len(observations)
     if not len(observations) == len(actions) == len(labels):
         raise UserError(
             f"demonstrations: {len(observations)} arrays of observations, {len(actions)} of actions, "
@@ -78,7 +81,8 @@ def demonstrations_from_arrays(
     shift = better_shift(list(zip(seen, done, strict=True)))
     if shift:
         warnings.warn(_shift_text(shift), stacklevel=2)
-    return _stack(seen, done, list(labels), ended, names, action_columns, control_period_s)
+    known = [UNLABELLED if label is None else label for label in labels]
+    return _stack(seen, done, known, ended, names, action_columns, control_period_s)
 
 
 def demonstrations_from_minari(
@@ -145,10 +149,15 @@ def _table(what: str, array: ArrayLike) -> NDArray[np.float64]:
     return table
 
 
-def _require_labels(labels: Sequence[str]) -> None:
+def _require_labels(labels: Sequence[str | None]) -> None:
     for number, label in enumerate(labels):
-        if not isinstance(label, str) or not label:
-            raise UserError(f"label of trajectory {number} is {label!r}; name the strategy with text")
+        if label is not None and (not isinstance(label, str) or not label):
+            raise UserError(
+                f"label of trajectory {number} is {label!r}; name the strategy with text, or say None if it "
+                "is not known"
+            )
+    if None in labels:
+        return
     for label in dict.fromkeys(labels):
         if list(labels).count(label) == 1:
             warnings.warn(

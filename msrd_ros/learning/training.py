@@ -15,6 +15,8 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.learning.action_scale import ActionScale
 from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.discovery.discover import discovered
+from msrd_ros.learning.discovery.recheck import recheck
 from msrd_ros.learning.harness import Harness, Task
 from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.method import Learner, Method, Problem
@@ -22,7 +24,7 @@ from msrd_ros.learning.methods import find_method
 from msrd_ros.learning.places import Place, find_place
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.learning.recipe import default_config
-from msrd_ros.learning.trajectories import Demonstrations
+from msrd_ros.learning.trajectories import UNLABELLED, Demonstrations
 
 
 def train(
@@ -48,7 +50,9 @@ def train(
     config
         Settings; None: `default_config`.
     labels
-        ``"given"``: the demonstrations say whose they are.
+        ``"given"``: the demonstrations say whose they are. ``"discover"``: they say so in part, wrongly or
+        not at all, and `discover` finds out; each is then trained as the strategy that was found for it,
+        also where its label says another. What was found is in the result's ``details["discovery"]``.
     seed
         Everything random follows from it: the same seed gives the same result on one machine.
     progress
@@ -65,9 +69,16 @@ def train(
     UserWarning
         If the demonstrations look as if they were made in another environment.
     """
-    if labels != "given":
-        raise UserError(f"labels={labels!r}: only 'given' exists today; label every demonstration")
+    if labels not in ("given", "discover"):
+        raise UserError(f"labels={labels!r}: there are 'given' and 'discover'")
     chosen = find_method(method)
+    found, shown = None, demonstrations
+    if labels == "discover":
+        demonstrations, found = discovered(shown, seed)
+    elif UNLABELLED in demonstrations.layout.labels:
+        raise UserError(
+            "demonstrations: some have no label; label every one, or train with labels='discover'"
+        )
     place = find_place(environment, demonstrations)
     settings = config or default_config(restarts=place.autoreset is not None)
     if settings.cloning.restarts and place.autoreset is None:
@@ -90,7 +101,10 @@ def train(
     if scale:
         details["action_scale"] = {"centre": scale.centre.tolist(), "half": scale.half.tolist()}
     rewards = learner.averaged_rewards.requires_grad_(False) if chosen.has_rewards else None
-    return Learned(_policies_of_all(learner, demonstrations, scale), rewards, details)
+    learned = Learned(_policies_of_all(learner, demonstrations, scale), rewards, details)
+    if found is not None:
+        details["discovery"] = {**found.to_dict(), "recheck": recheck(learned, shown, found.labels).to_dict()}
+    return learned
 
 
 @contextmanager

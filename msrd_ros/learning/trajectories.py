@@ -7,7 +7,8 @@ A action columns. Transition t goes from observation t to observation t + 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -16,6 +17,9 @@ from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
+
+UNLABELLED = ""
+"""Label of demonstrations of which nobody has said whose they are."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,57 @@ class Demonstrations:
         if self.lengths is not None:
             return np.asarray(self.lengths, dtype=np.int64)
         return np.full(self.observations.shape[:2], self.horizon, dtype=np.int64)
+
+    def trajectories(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64], str]]:
+        """Observations ``[T+1, O]``, actions ``[T, A]`` and label of each, strategy by strategy.
+
+        Only the steps in which the demonstrator acted.
+        """
+        counts = self.step_counts()
+        acted = np.minimum(counts if self.acting is None else self.acting, self.actions.shape[2])
+        return [
+            (
+                self.observations[row, column, : steps + 1].astype(np.float64),
+                self.actions[row, column, :steps].astype(np.float64),
+                self.layout.labels[row],
+            )
+            for row, column in np.argwhere(counts > 0)
+            for steps in [int(min(acted[row, column], counts[row, column]))]
+        ]
+
+    def relabelled(self, labels: Sequence[str]) -> Demonstrations:
+        """The same trajectories with other labels, one each in the order of `trajectories`.
+
+        Raises
+        ------
+        UserError
+            If there are not as many labels as trajectories.
+        """
+        places = np.argwhere(self.step_counts() > 0)
+        if len(labels) != len(places):
+            raise UserError(f"labels: {len(labels)} for {len(places)} demonstrations; give one each")
+        names = tuple(dict.fromkeys(labels))
+        rows = [
+            [place for place, label in zip(places, labels, strict=True) if label == name] for name in names
+        ]
+        shape = len(names), max(map(len, rows))
+        observations = np.zeros((*shape, *self.observations.shape[2:]))
+        actions = np.zeros((*shape, *self.actions.shape[2:]))
+        lengths, acting = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+        counts = self.step_counts()
+        acted = np.full(counts.shape, self.actions.shape[2]) if self.acting is None else self.acting
+        for row, group in enumerate(rows):
+            for column, (old_row, old_column) in enumerate(group):
+                old = int(old_row), int(old_column)
+                observations[row, column], actions[row, column] = self.observations[old], self.actions[old]
+                lengths[row, column], acting[row, column] = counts[old], acted[old]
+        return Demonstrations(
+            observations,
+            actions,
+            replace(self.layout, labels=names),
+            lengths,
+            None if self.acting is None else acting,
+        )
 
     def pooled(self, label: str = "all") -> Demonstrations:
         """The same demonstrations as if of one strategy, for a single-reward baseline."""

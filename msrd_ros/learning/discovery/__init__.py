@@ -1,0 +1,1 @@
+"""Strategies of unlabelled demonstrations: `discover` finds them, `recheck` holds learning against them."""

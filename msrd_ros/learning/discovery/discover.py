@@ -1,0 +1,203 @@
+"""Strategies of demonstrations without labels, with a few, or with wrong ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from msrd_ros.core.errors import UserError
+from msrd_ros.learning.discovery.features import (
+    decorrelated,
+    path_features,
+    standardised,
+    state_features,
+)
+from msrd_ros.learning.discovery.partition import Labels
+from msrd_ros.learning.discovery.regression import fit, fit_as_they_are
+from msrd_ros.learning.discovery.result import Discovery
+from msrd_ros.learning.discovery.search import (
+    MOST_SHARE_OF_ONE_POLICY,
+    Beliefs,
+    Found,
+    mixture_partition,
+    same_policy_partition,
+)
+from msrd_ros.learning.trajectories import Demonstrations
+
+Array = NDArray[np.float64]
+
+LENGTH_SCALE = 2.0
+TRUST = 0.7
+"""Probability that a given label is right, before it has been looked at."""
+LEAST_STEPS = 2
+
+
+def discover(
+    observations: Sequence[ArrayLike],
+    actions: Sequence[ArrayLike],
+    labels: Sequence[str | None] | None = None,
+    sources: Sequence[str] = (),
+    seed: int = 0,
+) -> Discovery:
+    """How many strategies demonstrations show, and which of them is whose.
+
+    Parameters
+    ----------
+    observations
+        ``[T, O]`` or ``[T+1, O]`` each, of any lengths; row t is what was seen before action t.
+    actions
+        ``[T, A]`` each.
+    labels
+        What is said of each demonstration, None or empty where nothing is. Labels are taken for true with a
+        probability that is learned; they name strategies, and may be doubted.
+    sources
+        What to call the demonstrations in `Discovery.save`, such as bags; empty: their numbers.
+    seed
+        Everything random follows from it.
+
+    Raises
+    ------
+    UserError
+        Naming the demonstration and what is wrong with it.
+
+    Notes
+    -----
+    Units and scales of columns do not matter. See ``docs/discover.md`` for the model.
+    """
+    states, moves = _checked(observations, actions)
+    given = _given(labels, len(states))
+    if sources and len(sources) != len(states):
+        raise UserError(f"sources: {len(sources)} for {len(states)} demonstrations; give one each, or none")
+    known = tuple(dict.fromkeys(label for label in given if label))
+    beliefs = Beliefs(
+        np.array([known.index(label) if label else -1 for label in given], dtype=np.int64), TRUST
+    )
+    found, one_policy = _search(standardised(states), standardised(moves), beliefs, seed)
+    found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
+    members = found.labels
+    chances = found.partitions.responsibilities(members)[:, :-1]
+    spoken = [_most_said(beliefs.given[members == group], len(known)) for group in range(members.max() + 1)]
+    agreed = np.array([[said == label for said in spoken] for label in beliefs.given])
+    right = (chances * agreed).sum(axis=1)
+    doubted = np.flatnonzero((beliefs.given >= 0) & (right < 0.5 * chances.sum(axis=1)))
+    return Discovery(
+        _names(members, spoken, beliefs.given, known),
+        members,
+        chances,
+        tuple(int(number) for number in doubted),
+        given,
+        tuple(sources),
+        one_policy,
+    )
+
+
+def discovered(demonstrations: Demonstrations, seed: int = 0) -> tuple[Demonstrations, Discovery]:
+    """The same demonstrations under the strategies found in them, and what was found.
+
+    Labels are taken as `discover` takes them; those labelled `UNLABELLED` have none. Numbers in the result
+    are those of `Demonstrations.trajectories` of the demonstrations that were given.
+
+    Raises
+    ------
+    UserError
+        As `discover`.
+    """
+    shown = demonstrations.trajectories()
+    seen, done, labels = ([part[index] for part in shown] for index in range(3))
+    found = discover(seen, done, labels, seed=seed)  # type: ignore[arg-type]
+    return demonstrations.relabelled(found.labels), found
+
+
+def _search(states: list[Array], moves: list[Array], beliefs: Beliefs, seed: int) -> tuple[Found, bool]:
+    if len(states) == 1:
+        raise UserError("demonstrations: there is one; strategies are told apart from two on")
+    rng = np.random.default_rng(seed)
+    policies = fit(state_features(states, LENGTH_SCALE, rng), moves)
+    found, share = same_policy_partition(policies, beliefs, rng)
+    if share <= MOST_SHARE_OF_ONE_POLICY:
+        return found, True
+    courses = [np.concatenate(pair, axis=1) for pair in zip(states, moves, strict=True)]
+    ways = fit_as_they_are(path_features(courses), decorrelated(courses))
+    return mixture_partition(ways, beliefs, rng), False
+
+
+def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generator) -> Found:
+    """The same search with the trust in labels that the partition suggests."""
+    said = beliefs.given >= 0
+    if kinds < 2 or not said.any():
+        return found
+    groups = range(found.labels.max() + 1)
+    spoken = np.array([_most_said(beliefs.given[found.labels == group], kinds) for group in groups])
+    right = int((spoken[found.labels] == beliefs.given)[said].sum())
+    trust = float(np.clip((right + 1.0) / (said.sum() + 2.0), 1.0 / kinds, 1.0 - 1e-3))
+    partitions = found.partitions.with_trust(trust)
+    score, labels = partitions.move(found.labels, (0.0,) * 5, rng)
+    return Found(score, labels, partitions)
+
+
+def _most_said(given: Labels, kinds: int) -> int:
+    """The label that most of a group have, the first of equals; -1 if none has any."""
+    votes = np.bincount(given[given >= 0], minlength=max(kinds, 1))
+    return int(np.argmax(votes)) if votes.any() else -1
+
+
+def _names(members: Labels, spoken: list[int], given: Labels, known: tuple[str, ...]) -> tuple[str, ...]:
+    """A label names the group that has most of it; other groups are numbered."""
+    owner: dict[int, int] = {}
+    for group, label in enumerate(spoken):
+        votes = int((given[members == group] == label).sum()) if label >= 0 else 0
+        rival = owner.get(label)
+        if label >= 0 and (rival is None or votes > int((given[members == rival] == label).sum())):
+            owner[label] = group
+    names = {group: known[label] for label, group in owner.items()}
+    number = 0
+    for group in range(len(spoken)):
+        while group not in names:
+            number += 1
+            if (made := f"strategy-{number}") not in known:
+                names[group] = made
+    return tuple(names[group] for group in range(len(spoken)))
+
+
+def _checked(
+    observations: Sequence[ArrayLike], actions: Sequence[ArrayLike]
+) -> tuple[list[Array], list[Array]]:
+    if len(observations) != len(actions):
+        raise UserError(
+            f"demonstrations: {len(observations)} arrays of observations and {len(actions)} of actions; "
+            "give one of each for every demonstration"
+        )
+    if not len(observations):
+        raise UserError("demonstrations: there are none")
+    states, moves = [], []
+    for number, pair in enumerate(zip(observations, actions, strict=True)):
+        seen, done = (np.asarray(array, dtype=np.float64) for array in pair)
+        if seen.ndim != 2 or done.ndim != 2 or len(seen) - len(done) not in (0, 1):
+            raise UserError(
+                f"demonstration {number}: observations {seen.shape} and actions {done.shape}; give "
+                "[steps, columns] of as many steps, or one observation more"
+            )
+        if len(done) < LEAST_STEPS:
+            raise UserError(f"demonstration {number}: {len(done)} steps; leave it out")
+        if states and (seen.shape[1], done.shape[1]) != (states[0].shape[1], moves[0].shape[1]):
+            raise UserError(
+                f"demonstration {number}: {seen.shape[1]} observation and {done.shape[1]} action columns, "
+                f"demonstration 0 has {states[0].shape[1]} and {moves[0].shape[1]}"
+            )
+        if not (np.isfinite(seen).all() and np.isfinite(done).all()):
+            raise UserError(f"demonstration {number}: holds a number that is not finite; leave it out")
+        states.append(seen[: len(done)])
+        moves.append(done)
+    return states, moves
+
+
+def _given(labels: Sequence[str | None] | None, count: int) -> tuple[str | None, ...]:
+    if labels is None:
+        return (None,) * count
+    if len(labels) != count:
+        raise UserError(
+            f"labels: {len(labels)} for {count} demonstrations; give one each, None where unknown"
+        )
+    return tuple(label or None for label in labels)
