@@ -25,6 +25,7 @@ def read_folder(
     robot: Robot,
     names: Mapping[str, str],
     log: RcutilsLogger,
+    unlabelled: bool = False,
 ) -> list[Episode]:
     """Accepted demonstrations of a folder.
 
@@ -40,6 +41,8 @@ def read_folder(
         What topics are called in the bags.
     log
         Is told what is left out, and why.
+    unlabelled
+        Whether strokes without a label are wanted, too.
 
     Raises
     ------
@@ -51,7 +54,9 @@ def read_folder(
     refused = list(library.refused)
     notes: Counter[str] = Counter()
     episodes: list[Episode] = []
-    for reading in tqdm(read_bags(chosen, robot, names), total=len(chosen), unit="bag", desc="read"):
+    for reading in tqdm(
+        read_bags(chosen, robot, names, unlabelled), total=len(chosen), unit="bag", desc="read"
+    ):
         episodes += [episode for episode in reading.episodes if not labels or episode.label in labels]
         refused += [f"bag {reading.info.path}: {reason}" for reason in reading.refused]
         notes.update(COUNT.sub("", note) for note in reading.notes)

@@ -38,6 +38,8 @@ class PlayedBags:
         Called with every accepted stroke.
     refuse
         Called with what is wrong with one that is not.
+    unlabelled
+        Whether strokes without a label are accepted.
     """
 
     def __init__(
@@ -46,9 +48,11 @@ class PlayedBags:
         robot: Robot,
         take: Callable[[Episode], None],
         refuse: Callable[[UserError], None],
+        unlabelled: bool = False,
     ) -> None:
         self._robot = robot
         self._take, self._refuse = take, refuse
+        self._unlabelled = unlabelled
         self._node = node
         self._is_arms = ArmMessages(robot)
         self._notes: set[str] = set()
@@ -80,7 +84,7 @@ class PlayedBags:
         while self._inputs is not None and self._buffer.settled():
             stroke = self._buffer.cut()
             verdict, episode = judge(stroke, self._robot, InspectionLimits())
-            if episode is not None and episode.label is None:
+            if episode is not None and episode.label is None and not self._unlabelled:
                 verdict, episode = Verdict(Refusal.NO_LABEL, WITHOUT_LABEL, verdict.notes), None
             self._tell([*self._is_arms.news(), *verdict.notes])
             if episode is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
-from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
@@ -43,6 +44,7 @@ from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
+from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, sort_strokes
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
 from msrd_ros.table_tennis.strokes.run import RunTask, training_run
@@ -54,6 +56,10 @@ from msrd_ros.table_tennis.strokes.training import (
     StrokeTrainingConfig,
     mean_landing_points,
 )
+
+DISCOVER = "discover"
+"""As `labels`: strategies are found, and strokes need no label."""
+_ANY = "any strategy"
 
 
 @dataclass(frozen=True)
@@ -68,12 +74,16 @@ class TrainerConfig:
     bags: str = parameter("", "Folder of bags; empty takes the small set that the package ships")
     topics: list[str] = parameter([], "What topics are called in the bags, as NAME:=NAME_IN_BAG")
     robot: str = robot_parameter()
-    labels: list[str] = parameter([], "Strategies to learn; empty takes all that are demonstrated")
+    labels: list[str] = parameter(
+        [],
+        f"Strategies to learn; empty takes all that are demonstrated; {DISCOVER} finds them, and needs no labels",
+    )
     strategies: str = parameter("", STRATEGIES_HELP)
     subjects: list[str] = parameter([], "Subjects to learn from; empty takes all")
     wanted: int = parameter(
         9,
-        "played: demonstrations of each of `labels`, or of all listed strategies, that start training",
+        "played: demonstrations of each of `labels`, or of all listed strategies, that start training; with "
+        f"{DISCOVER} of all together",
         low=1,
         high=10_000,
     )
@@ -170,7 +180,8 @@ class Trainer(ManagedNode):
         self._out = _prepare_out(
             Path(config.out).expanduser(), config.resume or config.overwrite or self._began
         )
-        self._labels = [StrategyLabel.parse(text, "parameter labels of trainer") for text in config.labels]
+        self._discovers = config.labels == [DISCOVER]
+        self._labels = [] if self._discovers else _parse_labels(config.labels)
         self._strategies = Strategies.load(config.strategies)
         self._episodes: list[Episode] = []
         self._heard_s = time.monotonic()
@@ -186,13 +197,14 @@ class Trainer(ManagedNode):
         torch.set_num_threads(config.torch_threads)
         self._played: PlayedBags | None = None
         if config.source == "played":
-            self._played = PlayedBags(self, self._robot, self._take, self._refuse)
-            self.get_logger().info(f"ready: waiting for {config.wanted} demonstrations of each label")
+            self._played = PlayedBags(self, self._robot, self._take, self._refuse, self._discovers)
+            of_each = "" if self._discovers else " of each label"
+            self.get_logger().info(f"ready: waiting for {config.wanted} demonstrations{of_each}")
         else:
             folder = Path(config.bags).expanduser() if config.bags else shipped_bags()
             names = parse_topic_names(config.topics, "parameter topics of trainer")
             self._episodes = read_folder(
-                folder, self._labels, config.subjects, self._robot, names, self.get_logger()
+                folder, self._labels, config.subjects, self._robot, names, self.get_logger(), self._discovers
             )
         steady_timer(self, 0.1, self._look_after_training)
 
@@ -214,14 +226,13 @@ class Trainer(ManagedNode):
             awaited = self._collector.awaited if isinstance(self._collector, TopicCollector) else ""
             return [awaited] if awaited else []
         counts = self._counts()
-        wanted = self._labels or self._strategies.labels
-        short = ", ".join(str(label) for label in wanted if counts[label] < self.config.wanted)
-        return [f"demonstrations of {short}: play bags, or call ~/start to train on what there is"]
+        short = [name for name in self._awaited() if counts[name] < self.config.wanted]
+        return [f"demonstrations of {', '.join(short)}: play bags, or call ~/start to train on what there is"]
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """How far gathering or training is."""
         if self._training is None:
-            return "gathering demonstrations", {str(k): n for k, n in self._counts().items()}
+            return "gathering demonstrations", dict(self._counts())
         return "training", {"iteration": self._training.trainer.iterations_done, "of": self.config.iterations}
 
     # -- demonstrations ------------------------------------------------------------------------
@@ -234,15 +245,24 @@ class Trainer(ManagedNode):
         self._episodes.append(episode)
         self._heard_s = time.monotonic()
         counts = self._counts()
-        fewest = min(counts[label] for label in self._labels or self._strategies.labels)
+        fewest = min(counts[name] for name in self._awaited())
         self.get_logger().info(
-            f"demonstration {len(self._episodes)}: {episode.label}; {fewest} of {self.config.wanted} of each"
+            f"demonstration {len(self._episodes)}: {say_label(episode.label)}; {fewest} of "
+            f"{self.config.wanted}{'' if self._discovers else ' of each'}"
         )
         if fewest >= self.config.wanted:
             self._begin()
 
-    def _counts(self) -> Counter[StrategyLabel]:
-        return Counter(episode.strategy for episode in self._episodes)
+    def _awaited(self) -> list[str]:
+        """Of what there have to be enough demonstrations, by the names of `_counts`."""
+        if self._discovers:
+            return [_ANY]
+        return [str(label) for label in self._labels or self._strategies.labels]
+
+    def _counts(self) -> Counter[str]:
+        if self._discovers:
+            return Counter({_ANY: len(self._episodes)})
+        return Counter(str(episode.strategy) for episode in self._episodes)
 
     def _refuse(self, error: UserError) -> None:
         self.get_logger().error(str(error))
@@ -259,6 +279,8 @@ class Trainer(ManagedNode):
                     "way, and strokes with them; play more slowly, or train from the folder of bags"
                 )
             self._played.close()
+        if self._discovers:
+            self._sort()
         settings = StrokeTrainingConfig(
             method=config.method,
             iterations=config.iterations,
@@ -296,6 +318,16 @@ class Trainer(ManagedNode):
         self._training = training
         self._run = TrainingThread(harness)
         self._held.callback(self._run.close)
+
+    def _sort(self) -> None:
+        """Find the strategies of what was gathered; a run that goes on finds the same ones."""
+        self.get_logger().info(f"finding the strategies of {len(self._episodes)} demonstrations")
+        strokes = sort_strokes(self._episodes, self.config.seed)
+        for line in strokes.account():
+            self.get_logger().info(line)
+        strokes.save(self._out)
+        self.get_logger().info(f"written to {self._out / STRATEGIES_FILE}")
+        self._episodes = strokes.episodes
 
     def _make_collector(self) -> Collector | None:
         config = self.config
@@ -389,6 +421,13 @@ class Trainer(ManagedNode):
             response.message = "training has not begun" if self._run is None else "training is over"
             return None
         return self._run
+
+
+def _parse_labels(texts: Sequence[str]) -> list[StrategyLabel]:
+    where = "parameter labels of trainer"
+    if DISCOVER in texts:
+        raise UserError(f"{where}: {DISCOVER} stands alone, as it finds all strategies; leave out the others")
+    return [StrategyLabel.parse(text, where) for text in texts]
 
 
 def _prepare_out(out: Path, may_hold_run: bool) -> Path:
