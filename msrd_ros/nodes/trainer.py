@@ -76,7 +76,7 @@ class TrainerConfig:
     robot: str = robot_parameter()
     labels: list[str] = parameter(
         [],
-        f"Strategies to learn; empty takes all that are demonstrated; {DISCOVER} finds them, and needs no labels",
+        f"Strategies to learn; empty takes all that are demonstrated; {DISCOVER} finds them without labels",
     )
     strategies: str = parameter("", STRATEGIES_HELP)
     subjects: list[str] = parameter([], "Subjects to learn from; empty takes all")

@@ -98,7 +98,7 @@ def test_an_environment_of_ones_own_needs_no_gymnasium() -> None:
 @pytest.mark.parametrize(
     ("arguments", "blame"),
     [
-        ({"labels": "discover"}, "labels='discover': only 'given' exists today"),
+        ({"labels": "guess"}, "labels='guess': there are 'given' and 'discover'"),
         ({"method": "gail"}, "method 'gail' is unknown"),
         ({"environment": 3}, "environment: int is none"),
         ({"environment": "Pendulum-v1"}, "environment: 3 observation columns"),
@@ -166,3 +166,18 @@ def test_good_data_give_no_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         quick(method="cloning")
+
+
+def test_labels_are_discovered_and_learning_agrees() -> None:
+    seen, done, labels = track_arrays()
+    hidden = demonstrations_from_arrays(seen, done, None, observation_names=NAMES, action_names=("push",))
+    with pytest.raises(
+        UserError, match="some have no label; label every one, or train with labels='discover'"
+    ):
+        quick(demonstrations=hidden, method="cloning")
+    learned = quick(demonstrations=hidden, labels="discover", config=short(iterations=5, cloning_steps=400))
+    found = learned.details["discovery"]
+    groups = {frozenset(labels[entry["index"]] for entry in group) for group in found["strategies"].values()}
+    assert groups == {frozenset({"left"}), frozenset({"right"})}
+    assert learned.labels == ("strategy-1", "strategy-2")
+    assert found["recheck"]["moved"] == []

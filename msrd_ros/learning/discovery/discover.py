@@ -171,7 +171,8 @@ def _checked(
         )
     if not len(observations):
         raise UserError("demonstrations: there are none")
-    states, moves = [], []
+    states: list[Array] = []
+    moves: list[Array] = []
     for number, pair in enumerate(zip(observations, actions, strict=True)):
         seen, done = (np.asarray(array, dtype=np.float64) for array in pair)
         if seen.ndim != 2 or done.ndim != 2 or len(seen) - len(done) not in (0, 1):

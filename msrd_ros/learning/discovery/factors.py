@@ -34,11 +34,12 @@ def factors(ways: Regressions, count: int) -> Array:
             loading = _loading(said, told, factor, moment, variance[output])
             precision += loading.T @ said @ loading
             information += told @ loading
-        spread = np.linalg.inv(precision)
+        spread = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         factor = (spread @ information[..., None])[..., 0]
         moment = factor[:, :, None] * factor[:, None, :] + spread
         whitening = np.linalg.inv(np.linalg.cholesky(moment.mean(axis=0)))
-        factor, spread = factor @ whitening.T, whitening @ spread @ whitening.T
+        factor = np.asarray(factor @ whitening.T)
+        spread = np.asarray(whitening @ spread @ whitening.T)
     return np.asarray((factor - factor.mean(axis=0)) / np.maximum(factor.std(axis=0), 1e-12))
 
 

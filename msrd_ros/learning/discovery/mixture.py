@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 _LEAST_SPREAD = 1e-3
 _ROUNDS = 6
+"""Few: with a handful of demonstrations the scale would shrink onto groups that chance has made."""
 _START_SPREAD = 0.05
 
 

@@ -22,6 +22,10 @@ STRONG = 3.0
 """Nats that speak strongly for a hypothesis (Kass and Raftery, 1995): asked of what is less simple."""
 
 
+_NUMBERS_AT_ONCE = 200_000
+"""Statistics of many groups at once do not fit a processor's cache."""
+
+
 class Model(Protocol):
     """Groups whose evidence depends on a sum over their demonstrations.
 
@@ -93,7 +97,7 @@ class Partitions:
         scores, partitions = [value + self._numbers[groups]], [labels.copy()]
         alive = np.ones(groups, dtype=bool)
         for left in range(groups - 1, 0, -1):
-            one, other = np.unravel_index(int(np.argmax(gains)), gains.shape)
+            one, other = divmod(int(np.argmax(gains)), groups)
             value += float(gains[one, other])
             sums[one] += sums[other]
             counts[one] += counts[other]
@@ -102,7 +106,7 @@ class Partitions:
             gains[other], gains[:, other] = -np.inf, -np.inf
             others = np.flatnonzero(alive)
             others = others[others != one]
-            new = self._gains(sums, counts, evidence, int(one), others)
+            new = self._gains(sums, counts, evidence, one, others)
             gains[np.minimum(one, others), np.maximum(one, others)] = new
             scores.append(value + self._numbers[left])
             partitions.append(labels.copy())
@@ -113,20 +117,20 @@ class Partitions:
         self, labels: NDArray[np.integer], temperatures: Sequence[float], rng: np.random.Generator
     ) -> tuple[float, Labels]:
         """Move demonstrations one by one: Gibbs sampling, at temperature 0 to the best group only."""
-        labels = canonical(labels)
+        groups = canonical(labels)
         for temperature in temperatures:
-            before = labels.copy()
+            before = groups.copy()
             for index in rng.permutation(self._count):
-                scores = self.choices(labels, int(index))
+                scores = self.choices(groups, int(index))
                 if temperature > 0.0:
                     chances = np.exp((scores - scores.max()) / temperature)
-                    labels[index] = rng.choice(len(scores), p=chances / chances.sum())
-                elif scores.max() > scores[labels[index]] + 1e-9:
-                    labels[index] = np.argmax(scores)
-                labels = np.unique(labels, return_inverse=True)[1].astype(np.int64)
-            if temperature == 0.0 and np.array_equal(before, labels):
+                    groups[index] = rng.choice(len(scores), p=chances / chances.sum())
+                elif scores.max() > scores[groups[index]] + 1e-9:
+                    groups[index] = np.argmax(scores)
+                groups = canonical(groups)
+            if temperature == 0.0 and np.array_equal(before, groups):
                 break
-        return self.score(labels), canonical(labels)
+        return self.score(groups), groups
 
     def choices(self, labels: Labels, index: int) -> Array:
         """Log-probabilities of one's group ``[groups + 1]``, a new one last, but for a constant."""
@@ -160,12 +164,14 @@ class Partitions:
 
     def _evidence(self, sums: Array, counts: Array) -> Array:
         votes, statistics = sums[:, : self._kinds], sums[:, self._kinds :]
-        # In pieces: matrices of many pairs at once do not fit a cache.
+        piece = max(1, _NUMBERS_AT_ONCE // max(1, statistics.shape[1]))
         found = [
-            self._model.log_evidence(statistics[start : start + 256], counts[start : start + 256])
-            for start in range(0, len(counts), 256)
+            self._model.log_evidence(statistics[start : start + piece], counts[start : start + piece])
+            for start in range(0, len(counts), piece)
         ]
-        return np.concatenate([*found, np.zeros(0)]) + gammaln(counts + 1.0) + self._log_votes(votes)
+        return (
+            np.asarray(np.concatenate([*found, np.zeros(0)])) + gammaln(counts + 1.0) + self._log_votes(votes)
+        )
 
     def _log_votes(self, votes: Array) -> Array:
         """Of given labels in a group of one unknown name, all names being as likely."""

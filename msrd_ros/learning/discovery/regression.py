@@ -54,12 +54,12 @@ class Regressions:
     @property
     def outputs(self) -> int:
         """A."""
-        return self.moments.shape[2]
+        return int(self.moments.shape[2])
 
     @property
     def features(self) -> int:
         """F."""
-        return self.moments.shape[1]
+        return int(self.moments.shape[1])
 
     def log_evidence(
         self, share: Array | float, noise: Array | None = None, signal: Array | None = None

@@ -17,7 +17,7 @@ from msrd_ros.learning.discovery.same_policy import SamePolicy
 
 Array = NDArray[np.float64]
 
-SHARES = (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3)
+SHARES = (1e-5, 1e-4, 1e-3, 1e-2, 0.1)
 MOST_SHARE_OF_ONE_POLICY = 1e-3
 """Departures of at most a thirtieth of what strategies differ by: the demonstrations follow one policy."""
 FACTORS = 3
@@ -68,7 +68,7 @@ def same_policy_partition(
         gain = np.inf if best is None else score + model.constant - best.score
         if gain > STRONG:
             best, share = Found(score + model.constant, labels, partitions), candidate
-        elif gain < -STRONG:
+        if gain < -STRONG or share > MOST_SHARE_OF_ONE_POLICY:
             break
     assert best is not None
     if share <= MOST_SHARE_OF_ONE_POLICY:

@@ -1,0 +1,45 @@
+"""Strokes are sorted by what they do, and labels that are wrong are doubted."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from msrd_ros.contract.episode import Episode
+from msrd_ros.core.resources import shipped_bags
+from msrd_ros.recordings.demonstrations import load_strokes
+from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, sort_strokes
+
+LABELS = ALL_LABELS[:2]
+
+
+@pytest.fixture(scope="module")
+def episodes() -> list[Episode]:
+    """Nine strokes of each label, in turns."""
+    return load_strokes(shipped_bags(), labels=LABELS)
+
+
+def test_strokes_are_sorted_and_described(episodes: list[Episode], tmp_path: Path) -> None:
+    strokes = sort_strokes([replace(episode, label=None) for episode in episodes], seed=0)
+    pairs = {(shown.label, found.label) for shown, found in zip(episodes, strokes.episodes, strict=True)}
+    assert len(pairs) == len(LABELS)
+    assert {name for _, name in pairs} == {"strategy-1", "strategy-2"}
+    strokes.save(tmp_path)
+    written = json.loads((tmp_path / STRATEGIES_FILE).read_text())
+    told = {stroke["bag"] for own in written["strategies"].values() for stroke in own}
+    assert told == {episode.source for episode in episodes}
+    assert all(name in line for name, line in zip(written["does"], strokes.account(), strict=True))
+    assert len({does["spin"] for does in written["does"].values()}) == len(LABELS)
+
+
+def test_a_wrong_label_is_doubted(episodes: list[Episode]) -> None:
+    first, *others = episodes
+    wrong = next(label for label in LABELS if label != first.label)
+    strokes = sort_strokes([replace(first, label=wrong), *others], seed=0)
+    assert strokes.episodes[0].label == first.label
+    assert strokes.discovery.doubted == (0,)
+    assert strokes.account()[-1] == f"{first.source}: says {wrong}, but is rather {first.label}"
