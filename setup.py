@@ -51,7 +51,6 @@ SIMULATION = [
     "numba>=0.60",
     "pillow>=10.1",
     "pybullet>=3.2.6",
-    "scipy>=1.11.4",
     "tensorboard>=2.15",
 ]
 STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.2.7"]
@@ -102,6 +101,8 @@ setup(
         "pyyaml>=6.0.1",
         "rosbags>=0.11.0",
         "safetensors>=0.5.3",
+        "scipy>=1.11.4",
+        "threadpoolctl>=3.2.0",
         "torch>=2.3",
         "tqdm>=4.66",
         "zstandard>=0.22",

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.discovery.features import (
@@ -74,8 +75,10 @@ def discover(
     beliefs = Beliefs(
         np.array([known.index(label) if label else -1 for label in given], dtype=np.int64), TRUST
     )
-    found, one_policy = _search(standardised(states), standardised(moves), beliefs, seed)
-    found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
+    # Threads that share out matrices this small wait for each other: many times slower on a busy machine.
+    with threadpool_limits(1, "blas"):
+        found, one_policy = _search(standardised(states), standardised(moves), beliefs, seed)
+        found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
     members = found.labels
     chances = found.partitions.responsibilities(members)[:, :-1]
     spoken = [_most_said(beliefs.given[members == group], len(known)) for group in range(members.max() + 1)]
