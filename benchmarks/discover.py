@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import msrd_ros.learning as msrd
 from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.alignment import better_shift
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.recordings.demonstrations import demonstrations as recorded
 from msrd_ros.studies.hopper import demonstrators as hopper
@@ -127,16 +128,23 @@ def sets(lander: Path | None) -> dict[str, Callable[[int], Shown]]:
         "landers": lambda seed: hidden(msrd.example_demonstrations("lunar_lander")),
     }
     if lander is not None:
-        with np.load(lander) as arrays:
-            tables, moves = arrays["observations"], arrays["actions"]
-        given = Shown(
-            [table.astype(np.float64) for group in tables for table in group],
-            [table.astype(np.float64) for group in moves for table in group],
-            [None] * (tables.shape[0] * tables.shape[1]),
-            [str(row) for row in range(len(tables)) for _ in range(tables.shape[1])],
-        )
+        given = read_lander(lander)
         made["lander"] = lambda seed: given
     return made
+
+
+def read_lander(path: Path) -> Shown:
+    """The strategies of a file, each action beside the observation that it was taken at."""
+    with np.load(path) as arrays:
+        tables, moves = arrays["observations"].astype(np.float64), arrays["actions"].astype(np.float64)
+    truth = [str(row) for row in range(len(tables)) for _ in range(tables.shape[1])]
+    seen, done = list(tables.reshape(-1, *tables.shape[2:])), list(moves.reshape(-1, *moves.shape[2:]))
+    shift = better_shift(list(zip(seen, done, strict=True)))
+    if shift > 0:
+        seen, done = [table[:-shift] for table in seen], [table[shift:] for table in done]
+    elif shift < 0:
+        seen, done = [table[-shift:] for table in seen], [table[:shift] for table in done]
+    return Shown(seen, done, [None] * len(truth), truth)
 
 
 def gaits(pair: str, seed: int) -> Demonstrations:

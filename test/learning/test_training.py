@@ -169,7 +169,7 @@ def test_good_data_give_no_warning() -> None:
 
 
 def test_labels_are_discovered_and_learning_agrees() -> None:
-    seen, done, labels = track_arrays()
+    seen, done, labels = track_arrays({"left": -1.0, "right": 1.0})
     hidden = demonstrations_from_arrays(seen, done, None, observation_names=NAMES, action_names=("push",))
     with pytest.raises(
         UserError, match="some have no label; label every one, or train with labels='discover'"

@@ -1,4 +1,4 @@
-"""Partitions of demonstrations into strategies: what is believed beforehand, and the search for the best.
+"""Partitions of demonstrations into strategies: the prior over them, and the search for the best one.
 
 The prior is that of a finite mixture whose number of components is not known (Miller and Harrison, 2018), all
 numbers being as likely: unlike a Dirichlet process it does not go on making small groups of chance.
