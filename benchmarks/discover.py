@@ -93,9 +93,9 @@ def counts(truth: list[str], found: tuple[str, ...]) -> NDArray[np.int64]:
 
 def judge(shown: Shown, seed: int) -> dict[str, Any]:
     """Discover, and hold the result against the truth."""
-    begin = time.perf_counter()
+    begin, begin_cpu = time.perf_counter(), time.process_time()
     found = msrd.discover(shown.observations, shown.actions, shown.labels, seed=seed)
-    seconds = time.perf_counter() - begin
+    seconds, cpu_seconds = time.perf_counter() - begin, time.process_time() - begin_cpu
     result: dict[str, Any] = {
         "strategies": len(set(shown.truth)),
         "found": len(found.names),
@@ -103,6 +103,7 @@ def judge(shown: Shown, seed: int) -> dict[str, Any]:
         "ari": round(adjusted_rand_index(shown.truth, found.labels), 3),
         "one_policy": found.one_policy,
         "seconds": round(seconds, 1),
+        "cpu_seconds": round(cpu_seconds, 1),
     }
     wrong = [
         label is not None and label != true for label, true in zip(shown.labels, shown.truth, strict=True)

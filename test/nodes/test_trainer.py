@@ -143,24 +143,31 @@ def test_strokes_without_a_label_are_refused_by_name_with_the_ways_out(stack: St
 
 def test_strategies_are_found_in_strokes_without_labels(stack: Stack, tmp_path: Path) -> None:
     bags = [f"{label}_{number:03d}" for label in LABELS for number in (1, 2, 3)]
-    folder = copy_of("subject_01", *bags, target=tmp_path / "bags")
-    for bag in bags:
-        Curation(folder).relabel(folder / "subject_01" / bag, "")
+    subjects = [f"subject_0{number}" for number in (1, 2, 3)]
+    folder = tmp_path / "bags"
+    for subject in subjects:
+        copy_of(subject, *bags, target=folder)
+        for bag in bags:
+            Curation(folder).relabel(folder / subject / bag, "")
     alone = stack.start("trainer", labels=f"[discover, {LABELS[0]}]", bags=folder, out=tmp_path / "none")
     assert "parameter labels of trainer: discover stands alone" in one_line(alone, "trainer")
 
     out = tmp_path / "out"
-    trainer = stack.start("trainer", **{**TINY, "labels": "discover"}, bags=folder, out=out, iterations=1)
+    settings = {**TINY, "labels": "discover", "subjects": "[]"}
+    trainer = stack.start("trainer", **settings, bags=folder, out=out, iterations=1)
     policies = finish(trainer, out)
     found = json.loads((out / "strategies.json").read_text())
-    shown = [{f"unlabelled_{number:03d}" for number in group} for group in ((1, 2, 3), (4, 5, 6))]
+    # A subject's bags were relabelled in turn.
     groups = [{Path(stroke["bag"]).name for stroke in own} for own in found["strategies"].values()]
-    assert sorted(groups, key=min) == shown
+    assert sorted(groups, key=min) == [
+        {"unlabelled_001", "unlabelled_002", "unlabelled_003"},
+        {"unlabelled_004", "unlabelled_005", "unlabelled_006"},
+    ]
     assert set(map(str, policies.labels)) == set(found["strategies"]) == {"strategy-1", "strategy-2"}
     assert found["doubted"] == []
     for name, does in found["does"].items():
         assert does["side"] == "forehand"
-        trainer.wait_for_line(rf"{name} \(3 strokes\): {does['side']}, {does['spin']}")
+        trainer.wait_for_line(rf"{name} \(9 strokes\): {does['side']}, {does['spin']}")
 
 
 def test_without_demonstrations_there_is_nothing_to_start(stack: Stack, tmp_path: Path) -> None:

@@ -6,7 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+<<<<<<< HEAD
 from threadpoolctl import threadpool_limits
+=======
+from scipy.optimize import linear_sum_assignment
+>>>>>>> wt/discover
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.discovery.features import (
@@ -81,7 +85,7 @@ def discover(
         found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
     members = found.labels
     chances = found.partitions.responsibilities(members)[:, :-1]
-    spoken = [_most_said(beliefs.given[members == group], len(known)) for group in range(members.max() + 1)]
+    spoken = _spoken(members, beliefs.given, len(known))
     agreed = np.array([[said == label for said in spoken] for label in beliefs.given])
     right = (chances * agreed).sum(axis=1)
     doubted = np.flatnonzero((beliefs.given >= 0) & (right < 0.5 * chances.sum(axis=1)))
@@ -131,8 +135,7 @@ def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generat
     said = beliefs.given >= 0
     if kinds < 2 or not said.any():
         return found
-    groups = range(found.labels.max() + 1)
-    spoken = np.array([_most_said(beliefs.given[found.labels == group], kinds) for group in groups])
+    spoken = np.array(_spoken(found.labels, beliefs.given, kinds))
     right = int((spoken[found.labels] == beliefs.given)[said].sum())
     trust = float(np.clip((right + 1.0) / (said.sum() + 2.0), 1.0 / kinds, 1.0 - 1e-3))
     partitions = found.partitions.with_trust(trust)
@@ -140,10 +143,21 @@ def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generat
     return Found(score, labels, partitions)
 
 
-def _most_said(given: Labels, kinds: int) -> int:
-    """The label that most of a group have, the first of equals; -1 if none has any."""
-    votes = np.bincount(given[given >= 0], minlength=max(kinds, 1))
-    return int(np.argmax(votes)) if votes.any() else -1
+def _spoken(members: Labels, given: Labels, kinds: int) -> list[int]:
+    """What each group is called by its labels, -1 where none of it has one.
+
+    Labels and groups are matched so that as many demonstrations as possible are called rightly: two groups do
+    not share a name because wrong labels outnumber the right ones in one of them. A group that is left over,
+    as where one strategy was split, is called what most of it are.
+    """
+    votes = np.zeros((int(members.max()) + 1, max(kinds, 1)), dtype=np.int64)
+    said = given >= 0
+    np.add.at(votes, (members[said], given[said]), 1)
+    spoken = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
+    groups, labels = linear_sum_assignment(votes, maximize=True)
+    matched = votes[groups, labels] > 0
+    spoken[groups[matched]] = labels[matched]
+    return [int(label) for label in spoken]
 
 
 def _names(members: Labels, spoken: list[int], given: Labels, known: tuple[str, ...]) -> tuple[str, ...]:

@@ -25,7 +25,9 @@ FACTORS = 3
 FREEDOMS = (2.0, 16.0, 128.0)
 RATIOS = (10.0, 30.0, 100.0)
 _START_SPREADS = (0.003, 0.01, 0.03, 0.1)
-_START_NUMBERS = (3, 6, 12, 24)
+_START_SLACKS = (0.0, 4.0 * STRONG)
+"""Also from fewer groups than are best before the spread is known."""
+_START_NUMBERS = (2, 3, 4, 6, 8, 12, 24)
 _ANNEALING = (3.0, 2.0, 1.5, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0)
 _TUNINGS = 3
 _REHEATED = 2
@@ -84,14 +86,11 @@ def mixture_partition(ways: Regressions, beliefs: Beliefs, rng: np.random.Genera
         (_settled(values, start, beliefs, rng) for start in _starts(values, beliefs)),
         key=lambda end: -end.score,
     )
-    best = ends[0]
     for end in ends[:2]:
         for _ in range(_REHEATED):
             _, labels = end.partitions.move(end.labels, _ANNEALING, rng)
-            again = _settled(values, labels, beliefs, rng)
-            if again.score > best.score:
-                best = again
-    return best
+            ends.append(_settled(values, labels, beliefs, rng))
+    return max(ends, key=lambda end: end.score)
 
 
 def _starts(values: Array, beliefs: Beliefs) -> Iterable[Labels]:
@@ -99,7 +98,9 @@ def _starts(values: Array, beliefs: Beliefs) -> Iterable[Labels]:
     for spread in _START_SPREADS:
         freedom = width + 1 + FREEDOMS[1]
         model = Mixture(values, Spread(freedom * spread * np.eye(width), freedom, 1.0 / spread))
-        yield Partitions(model, beliefs.given, beliefs.trust).agglomerate(np.arange(count))[1]
+        partitions = Partitions(model, beliefs.given, beliefs.trust)
+        for slack in _START_SLACKS:
+            yield partitions.agglomerate(np.arange(count), slack)[1]
     tree = linkage(values, "ward")
     for number in _START_NUMBERS:
         if number < count / 1.5:

@@ -86,7 +86,7 @@ def sort_strokes(episodes: Sequence[Episode], seed: int) -> SortedStrokes:
         [episode.observations[FIRST_ACTING_STEP : last + 1] for episode in episodes],
         [episode.actions[FIRST_ACTING_STEP:last] for episode in episodes],
         [episode.label for episode in episodes],
-        [episode.source for episode in episodes],
+        [episode.source.removeprefix("bag ") for episode in episodes],
         seed,
     )
     named = [

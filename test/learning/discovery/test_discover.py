@@ -133,3 +133,13 @@ def test_misuse_is_named(change: dict[str, object], blame: str) -> None:
     arguments = {"observations": SEEN, "actions": DONE, **change}
     with pytest.raises(UserError, match=re.escape(blame)):
         discover(**arguments)  # type: ignore[arg-type]
+
+
+def test_wrong_labels_that_outnumber_right_ones_do_not_take_a_groups_name() -> None:
+    own = [number for number, name in enumerate(TRUTH) if name == "way-3"]
+    labels = list(TRUTH)
+    for number in own[:3]:
+        labels[number] = "way-0"
+    found = discover(SEEN, DONE, labels)
+    assert list(found.labels) == TRUTH
+    assert found.doubted == tuple(own[:3])

@@ -31,7 +31,7 @@ def test_strokes_are_sorted_and_described(episodes: list[Episode], tmp_path: Pat
     strokes.save(tmp_path)
     written = json.loads((tmp_path / STRATEGIES_FILE).read_text())
     told = {stroke["bag"] for own in written["strategies"].values() for stroke in own}
-    assert told == {episode.source for episode in episodes}
+    assert told == {episode.source.removeprefix("bag ") for episode in episodes}
     assert all(name in line for name, line in zip(written["does"], strokes.account(), strict=True))
     assert len({does["spin"] for does in written["does"].values()}) == len(LABELS)
 
@@ -42,4 +42,7 @@ def test_a_wrong_label_is_doubted(episodes: list[Episode]) -> None:
     strokes = sort_strokes([replace(first, label=wrong), *others], seed=0)
     assert strokes.episodes[0].label == first.label
     assert strokes.discovery.doubted == (0,)
-    assert strokes.account()[-1] == f"{first.source}: says {wrong}, but is rather {first.label}"
+    assert (
+        strokes.account()[-1]
+        == f"{first.source.removeprefix('bag ')}: says {wrong}, but is rather {first.label}"
+    )
