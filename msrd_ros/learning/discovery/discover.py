@@ -6,11 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-<<<<<<< HEAD
-from threadpoolctl import threadpool_limits
-=======
 from scipy.optimize import linear_sum_assignment
->>>>>>> wt/discover
+from threadpoolctl import threadpool_limits
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.discovery.features import (

@@ -116,7 +116,7 @@ class Feeder:
         elevation = self.elevation_rad + spread.elevation_rad * draws[:, 1]
         yaw = self.yaw_rad + spread.yaw_rad * draws[:, 2]
         backspin = self.backspin_rad_s + spread.spin_rad_s * draws[:, 3]
-        sign = _SIGNS[side]
+        sign = side.sign
         forward_x, forward_y = -np.cos(yaw), sign * np.sin(yaw)
         states = np.zeros((len(draws), 9))
         states[:, POSITION] = self.position_m
@@ -131,13 +131,6 @@ class Feeder:
 
 
 _SPREAD_SIZE = 5
-_SIGNS = {Side.FOREHAND: -1.0, Side.BACKHAND: 1.0}
-"""Of y where a ball to each side arrives."""
-
-
-def side_of(ball_y_m: float) -> Side:
-    """The side that a ball comes to which is at `ball_y_m` when it meets the paddle."""
-    return next(side for side, sign in _SIGNS.items() if sign * ball_y_m >= 0.0)
 
 
 def _vector(values: NDArray[np.float64]) -> Vector:

@@ -37,6 +37,16 @@ class Side(StrEnum):
     FOREHAND = "forehand"
     BACKHAND = "backhand"
 
+    @property
+    def sign(self) -> float:
+        """Of y where a ball to this side arrives."""
+        return -1.0 if self is Side.FOREHAND else 1.0
+
+    @classmethod
+    def at(cls, ball_y_m: float) -> Side:
+        """The side that a ball comes to which is at `ball_y_m` when it meets the paddle."""
+        return cls.FOREHAND if ball_y_m <= 0.0 else cls.BACKHAND
+
 
 DEFAULT_SIDE = Side.FOREHAND
 """Where balls go while nothing says for which strategy they are."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.outcome import Outcome
-from msrd_ros.table_tennis.ball.feeder import side_of
 from msrd_ros.table_tennis.ball.scene import Table
 from msrd_ros.table_tennis.strategies.table import Side, Strategies
 
@@ -119,7 +118,7 @@ class Description:
 def met_side(episodes: Sequence[Episode]) -> Side:
     """The side on which strokes met the ball: by its mean y while it is nearest to the robot."""
     met_y = np.mean([e.ball_position[e.ball_position[:, 0].argmin(), 1] for e in episodes])
-    return side_of(float(met_y))
+    return Side.at(float(met_y))
 
 
 def spin_word(spin_y_rad_s: float) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
-from msrd_ros.table_tennis.ball.feeder import Feeder, side_of
+from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, Stroke
 from msrd_ros.table_tennis.strategies.table import Side, SpinRange, Strategies, colour_of
 
@@ -102,4 +102,4 @@ def test_a_missing_file_is_refused_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("side", list(Side))
 def test_a_fed_ball_comes_to_the_side_it_is_fed_to(side: Side) -> None:
     state = Feeder().nominal(side).state()
-    assert side_of(state[1] + 0.5 * state[4]) is side
+    assert Side.at(state[1] + 0.5 * state[4]) is side
