@@ -169,9 +169,8 @@ class Partitions:
             self._model.log_evidence(statistics[start : start + piece], counts[start : start + piece])
             for start in range(0, len(counts), piece)
         ]
-        return (
-            np.asarray(np.concatenate([*found, np.zeros(0)])) + gammaln(counts + 1.0) + self._log_votes(votes)
-        )
+        evidence = np.concatenate([*found, np.zeros(0)])
+        return np.asarray(evidence + gammaln(counts + 1.0) + self._log_votes(votes))
 
     def _log_votes(self, votes: Array) -> Array:
         """Of given labels in a group of one unknown name, all names being as likely."""
