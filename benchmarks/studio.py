@@ -63,13 +63,18 @@ function look(value) {
   }
   Object.values(value).forEach(look);
 }
-window.Worker = class extends Worker {
-  constructor(...given) { super(...given); this.addEventListener("message", (event) => look(event.data)); }
-};
-(function frame(now) {
+function frame(now) {
   if (due) { window.changed.push(now); due = false; }
   requestAnimationFrame(frame);
-})(performance.now());
+}
+// Not before: the page unpacks itself into a document of its own.
+window.Worker = class extends Worker {
+  constructor(...given) {
+    super(...given);
+    this.addEventListener("message", (event) => look(event.data));
+    requestAnimationFrame(frame);
+  }
+};
 """
 """In the scene: remember the animation frames before which a pose of the arm came that is not the last one.
 

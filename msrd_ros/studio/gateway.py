@@ -26,6 +26,8 @@ HEARTBEAT_S = 15.0
 """A browser that is busy drawing answers late; who guides by hand is missed much sooner."""
 MOST_ANSWERS = 1000
 """A browser that reads so few of its answers is let go."""
+_FIRST_OF_HEAD = b'<head><script src="/software.js"></script>'
+"""Of the scene's page: runs before all else."""
 _HOP_HEADERS = {
     "connection",
     "upgrade",
@@ -233,13 +235,16 @@ class Gateway:
         if request.headers.get("Upgrade", "").lower() == "websocket":
             return await self._between(request)
         url = f"http://{self._scene.address}/{path}"
-        encodings = {"Accept-Encoding": request.headers.get("Accept-Encoding", "")}
+        encodings = {"Accept-Encoding": request.headers.get("Accept-Encoding", "") if path else "identity"}
         async with self._session.get(url, headers=encodings) as inner:
+            body = await inner.read()
+            if not path:
+                body = body.replace(b"<head>", _FIRST_OF_HEAD, 1)
             kept = {name: value for name, value in inner.headers.items() if name.lower() not in _HOP_HEADERS}
             coding = inner.headers.get("Content-Encoding")
             if coding and coding != "identity":
                 kept["Content-Encoding"] = coding
-            return web.Response(status=inner.status, body=await inner.read(), headers={**kept, **_SAFETY})
+            return web.Response(status=inner.status, body=body, headers={**kept, **_SAFETY})
 
     async def _between(self, request: web.Request) -> web.StreamResponse:
         """Hand messages on between a browser and the scene, in both directions."""

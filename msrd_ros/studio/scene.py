@@ -21,6 +21,8 @@ TRAIL_POINTS = 60
 _TABLE_BLUE, _LINE_WHITE, _FLOOR = (18, 62, 110), (235, 235, 235), (226, 229, 233)
 _BALL_ORANGE, _TRAIL, _SPIN = (255, 128, 0), (255, 150, 50), (120, 40, 200)
 _SKY, _GROUND, _SKY_INTENSITY = (255, 255, 255), (200, 195, 190), 1.6
+_FLAT: Any = "toon5"
+"""Of what has even faces: looks alike, and costs a browser without a graphics processor less."""
 _LINE_M = 0.02
 _SPIN_LENGTH_M = 0.15
 """Of the arrow at 100 rad/s."""
@@ -164,9 +166,12 @@ class TableScene:
 
     def _furnish(self, facts: Scene) -> None:
         scene, table, net = self.viser.server.scene, facts.table, facts.net
-        scene.add_box("/floor", color=_FLOOR, dimensions=(9.0, 6.0, 0.01), position=(-0.3, 0.0, -0.006))
+        scene.add_box(
+            "/floor", material=_FLAT, color=_FLOOR, dimensions=(9.0, 6.0, 0.01), position=(-0.3, 0.0, -0.006)
+        )
         scene.add_box(
             "/table",
+            material=_FLAT,
             color=_TABLE_BLUE,
             dimensions=(table.length_m, table.width_m, table.thickness_m),
             position=(0.0, 0.0, table.height_m - table.thickness_m / 2),
@@ -174,6 +179,7 @@ class TableScene:
         for name, size, place in _table_lines(table.length_m, table.width_m):
             scene.add_box(
                 f"/table_lines/{name}",
+                material=_FLAT,
                 color=_LINE_WHITE,
                 dimensions=(*size, 0.001),
                 position=(*place, table.height_m),
@@ -182,6 +188,7 @@ class TableScene:
             for y in (-1.0, 1.0):
                 scene.add_box(
                     f"/table_legs/{x:g}_{y:g}".replace("-", "m"),
+                    material=_FLAT,
                     color=(60, 64, 70),
                     dimensions=(0.06, 0.06, table.height_m - table.thickness_m),
                     position=(
