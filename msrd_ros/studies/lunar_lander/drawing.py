@@ -12,23 +12,31 @@ BELOW_SHARE, ABOVE_SHARE = 0.2, 0.1
 
 
 def draw(
-    truth: NDArray[np.float64], source: NDArray[np.int64], count: int, rng: np.random.Generator
+    truth: NDArray[np.float64],
+    middle: NDArray[np.bool_],
+    source: NDArray[np.int64],
+    count: int,
+    rng: np.random.Generator,
 ) -> NDArray[np.int64]:
     """Rows of `count` trajectories with the published spread, equally many from each source if there are.
 
-    Where a source has too few of a kind, the other sources make up for it; where all together have too few,
-    the kinds between make up for it, so that the spread that was reached has to be looked at.
+    All that is neither below nor above neither crashed nor rested, as nearly all of it in the published
+    trajectories. Where a source has too few of a kind, the other sources make up for it; where all together
+    have too few, whatever is left does, so that the spread that was reached has to be looked at.
 
     Parameters
     ----------
-    truth, source
-        True return and source of each trajectory there is, ``[N]``.
+    truth, middle, source
+        True return of each trajectory there is, whether it neither crashed nor rested, and where it comes
+        from, ``[N]``.
     """
     low, high = truth < CRASHED_BELOW, truth > LANDED_ABOVE
     wanted = round(BELOW_SHARE * count), round(ABOVE_SHARE * count)
     chosen = [_draw_kind(np.flatnonzero(low), source, wanted[0], rng)]
     chosen.append(_draw_kind(np.flatnonzero(high), source, wanted[1], rng))
-    chosen.append(_draw_kind(np.flatnonzero(~low & ~high), source, count - sum(map(len, chosen)), rng))
+    chosen.append(
+        _draw_kind(np.flatnonzero(middle & ~low & ~high), source, count - sum(map(len, chosen)), rng)
+    )
     left = np.setdiff1d(np.arange(len(truth)), np.concatenate(chosen))
     chosen.append(_draw_kind(left, source, count - sum(map(len, chosen)), rng))
     return np.sort(np.concatenate(chosen))

@@ -188,7 +188,7 @@ def make_test_set(
     pool = TestSet.join(
         [TestSet.of(played, index) for index, played in enumerate((learned, noisy.played, improved))]
     )
-    return pool.take(draw(pool.truth, pool.source, plan.trajectories, rng))
+    return pool.take(draw(pool.truth, pool.middle, pool.source, plan.trajectories, rng))
 
 
 def _learn(
