@@ -31,15 +31,15 @@ def draw(
         from, ``[N]``.
     """
     low, high = truth < CRASHED_BELOW, truth > LANDED_ABOVE
-    wanted = round(BELOW_SHARE * count), round(ABOVE_SHARE * count)
-    chosen = [_draw_kind(np.flatnonzero(low), source, wanted[0], rng)]
-    chosen.append(_draw_kind(np.flatnonzero(high), source, wanted[1], rng))
-    chosen.append(
-        _draw_kind(np.flatnonzero(middle & ~low & ~high), source, count - sum(map(len, chosen)), rng)
-    )
-    left = np.setdiff1d(np.arange(len(truth)), np.concatenate(chosen))
-    chosen.append(_draw_kind(left, source, count - sum(map(len, chosen)), rng))
-    return np.sort(np.concatenate(chosen))
+    between = ~low & ~high
+    kinds = [(low, round(BELOW_SHARE * count)), (high, round(ABOVE_SHARE * count)), (between & middle, count)]
+    # What there is too little of: first by the late crashes and short rests, then by anything.
+    kinds += [(between, count), (np.ones(len(truth), dtype=bool), count)]
+    chosen = np.zeros(0, dtype=np.int64)
+    for kind, most in kinds:
+        left = np.setdiff1d(np.flatnonzero(kind), chosen)
+        chosen = np.append(chosen, _draw_kind(left, source, min(most, count - len(chosen)), rng))
+    return np.sort(chosen)
 
 
 def _draw_kind(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrd_ros.reports.page import Report
 from msrd_ros.studies.lunar_lander.figures import returns_figure
@@ -97,15 +98,17 @@ def _policies(report: Report, metrics: dict[str, Any]) -> None:
 
 
 def _figure(report: Report, metrics: dict[str, Any]) -> None:
-    shown = {
-        METHODS[name].title: np.mean([found["returns"] for found in scores["learned"]], axis=0)
-        for name, scores in metrics["methods"].items()
-        if scores["learned"][0] is not None
-    }
-    cloned = np.mean([found["returns"] for found in metrics["methods"]["msrd"]["cloned"]], axis=0)
+    def mean_returns(name: str, stage: str) -> NDArray[np.float64]:
+        found = [marks["returns"] for marks in metrics["methods"][name][stage]]
+        return np.asarray(np.mean(found, axis=0))
+
+    playing = [name for name, scores in metrics["methods"].items() if scores["learned"][0] is not None]
+    if not playing:
+        return
     report.heading("Figures")
+    shown = {"cloned": mean_returns(playing[0], "cloned")}
     report.figure(
-        returns_figure({"cloned": cloned, **shown}),
+        returns_figure(shown | {METHODS[name].title: mean_returns(name, "learned") for name in playing}),
         "Mean true return of each strategy's policy; a method with one policy for all has one value.",
     )
 

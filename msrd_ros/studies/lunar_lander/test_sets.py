@@ -55,10 +55,10 @@ class SetPlan:
     trajectories: int = 1000
     learners: int = 6
     episodes: int = 5
-    updates: int = 30
+    updates: int = 40
     clone_episodes: int = 4
     clone_updates: int = 15
-    noise_levels: tuple[float, ...] = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0, 1.5)
+    noise_levels: tuple[float, ...] = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 1.0)
     noisy_episodes: int = 8
 
 

@@ -54,6 +54,11 @@ def test_what_lies_between_neither_crashed_nor_rested_while_there_is_such() -> N
     middle[np.flatnonzero(middle)[::2]] = False  # a late crash
     rows = draw(truth, middle, source, 300, np.random.default_rng(0))
     assert middle[rows].sum() == 210
+    truth, source = pool([(100, 100, 80)] * 3)
+    middle = (truth == 0.0) & (source > 0)
+    rows = draw(truth, middle, source, 300, np.random.default_rng(0))
+    assert middle[rows].sum() == 160
+    assert shares(truth[rows]) == (60, 30)  # late crashes stand in, not early ones
 
 
 def test_the_seed_decides() -> None:
