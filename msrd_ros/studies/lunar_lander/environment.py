@@ -1,8 +1,8 @@
 """Gymnasium's LunarLander without an end: it lies where it crashed and rests where it landed, for 500 steps.
 
-The truth is the environment's own reward, played on behind the end as FLAIR's programs do: -100 in each step
-after a crash or out of bounds, +100 in each step at rest (of a wreck that has come to rest, too), and between
-them the change of the shaping potential less the fuel.
+The truth is FLAIR's, the environment's own reward played on behind the end: -100 in each step after a crash
+or out of bounds, +100 in each step at rest, and before them the change of the shaping potential less the fuel.
+One thing is otherwise: Gymnasium pays +100 for a wreck that has come to rest, too; here a crash stays one.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ LOST, RESTING = -100.0, 100.0
 
 
 class Endless(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """An environment whose episodes go on behind their end."""
+    """A lander whose episodes go on behind their end."""
 
     def step(self, action: Any) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
-        """As the environment's own, but never over."""
+        """As the environment's own, but never over, and lost after a crash."""
         seen, reward, _, _, info = self.env.step(action)
+        if self.get_wrapper_attr("game_over"):
+            reward = LOST
         return seen, reward, False, False, info
 
 

@@ -120,7 +120,7 @@ def _conditions(report: Report, metrics: dict[str, Any], plan: StudyPlan) -> Non
         f"{made['strategies']} strategies, {plan.demonstrations} demonstrations of each, {made['steps']} "
         "steps long. Each action stands beside the state that it was taken at, the row before in FLAIR's "
         "file. Episodes have 500 steps and no end; the truth is the environment's own reward, also behind a "
-        "crash (-100 a step) and at rest (+100, of a wreck at rest as well)."
+        "crash (-100 a step, whatever becomes of the wreck) and at rest (+100)."
     )
     rows = []
     for name, found in metrics["sets"].items():

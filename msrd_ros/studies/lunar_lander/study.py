@@ -6,6 +6,7 @@ repetitions and are kept apart from the runs: other code makes new runs, which a
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from msrd_ros.studies.lunar_lander import drawing, environment, test_sets
 from msrd_ros.studies.lunar_lander.demonstrations import LanderDemonstrations, load_demonstrations
 from msrd_ros.studies.lunar_lander.evaluation import LanderTest, judge
 from msrd_ros.studies.lunar_lander.methods import METHODS
@@ -71,13 +73,15 @@ class StudyPlan(SharedPlan):
         return Runs(LANDER, source, LANDER.name, self, folder, progress, METHODS)
 
     def set_path(self, source: LanderDemonstrations, folder: Path, name: str) -> Path:
-        """File of a test set: whatever it follows from is in its name, but for the code.
+        """File of a test set; another one as soon as what defines the set has changed.
 
-        Reinforcement learning comes out otherwise after any change anywhere, and a method that is changed has
-        to be judged on what it was judged on before. Whoever wants the set drawn anew removes the file.
+        The code that learns does not belong to it: reinforcement learning comes out otherwise after any change
+        anywhere, and a method that is changed has to be judged on what it was judged on before. Whoever wants
+        the set played anew removes the file.
         """
-        settings = [asdict(self.sets), asdict(source.recipe), self.demonstrations, SETS[name]]
-        return folder / f"test-set-{name}-{cache_digest(settings)}.npz"
+        code = [Path(module.__file__ or "").read_text() for module in (environment, drawing, test_sets)]
+        parts = [asdict(self.sets), asdict(source.recipe), self.demonstrations, SETS[name], code]
+        return folder / f"test-set-{name}-{sha256(json.dumps(parts).encode()).hexdigest()[:12]}.npz"
 
     def test_sets(
         self, source: LanderDemonstrations, folder: Path, progress: Callable[[str], None] = silent
@@ -91,11 +95,6 @@ class StudyPlan(SharedPlan):
             )
             for name, seed in SETS.items()
         }
-
-
-def cache_digest(settings: Any) -> str:
-    """Short digest of settings alone."""
-    return sha256(repr(settings).encode()).hexdigest()[:12]
 
 
 def run_study(

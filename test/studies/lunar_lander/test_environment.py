@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("Box2D")
 
+from gymnasium.envs.box2d.lunar_lander import heuristic
+
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.demonstration_sets import demonstrations_from_arrays
 from msrd_ros.learning.examples.lunar_lander import OBSERVATION_NAMES
@@ -29,14 +31,28 @@ def fall(steps: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(states), np.array(rewards)
 
 
-def test_a_crash_is_paid_for_until_the_wreck_is_at_rest() -> None:
-    _, rewards = fall(500)
+def test_a_crash_is_paid_for_to_the_end_also_when_the_wreck_is_at_rest() -> None:
+    states, rewards = fall(500)
     crash = int(np.argmax(rewards == LOST))
-    rest = int(np.argmax(rewards == RESTING))
-    assert 40 < crash < rest < 499
-    assert np.all(rewards[crash:rest] == LOST)
-    assert np.all(rewards[rest:] == RESTING)
+    assert 40 < crash < 200
+    assert np.all(states[-1] == states[-50])
+    assert np.all(rewards[crash:] == LOST)
     assert np.abs(rewards[:crash]).max() < 50.0
+
+
+def test_a_lander_that_landed_is_at_rest_to_the_end() -> None:
+    lander = make_lander()
+    seen, _ = lander.reset(seed=3)
+    paid = []
+    for _ in range(500):
+        standing = seen[6] > 0.0 and seen[7] > 0.0
+        action = np.array([-1.0, 0.0]) if standing else heuristic(lander.unwrapped, seen)  # type: ignore[no-untyped-call]
+        seen, reward, *_ = lander.step(np.asarray(action, dtype=np.float32))
+        paid.append(float(reward))
+    rest = paid.index(RESTING)
+    assert 100 < rest < 400
+    assert set(paid[rest:]) == {RESTING}
+    assert LOST not in paid
 
 
 def test_a_step_in_the_air_pays_the_change_of_the_potential() -> None:
