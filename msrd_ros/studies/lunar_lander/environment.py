@@ -1,8 +1,8 @@
 """Gymnasium's LunarLander without an end: it lies where it crashed and rests where it landed, for 500 steps.
 
 The truth is FLAIR's, the environment's own reward played on behind the end: -100 in each step after a crash
-or out of bounds, +100 in each step at rest, and before them the change of the shaping potential less the fuel.
-One thing is otherwise: Gymnasium pays +100 for a wreck that has come to rest, too; here a crash stays one.
+or out of bounds, +100 in each step at rest, before them the change of the shaping potential less the fuel.
+One thing is otherwise: Gymnasium pays +100 for a wreck at rest, too; here a crash stays one.
 """
 
 from __future__ import annotations

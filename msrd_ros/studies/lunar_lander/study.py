@@ -75,9 +75,9 @@ class StudyPlan(SharedPlan):
     def set_path(self, source: LanderDemonstrations, folder: Path, name: str) -> Path:
         """File of a test set; another one as soon as what defines the set has changed.
 
-        The code that learns does not belong to it: reinforcement learning comes out otherwise after any change
-        anywhere, and a method that is changed has to be judged on what it was judged on before. Whoever wants
-        the set played anew removes the file.
+        The code that learns does not belong to it: reinforcement learning comes out otherwise after any
+        change anywhere, and a method that is changed has to be judged on what it was judged on before.
+        Whoever wants the set played anew removes the file.
         """
         code = [Path(module.__file__ or "").read_text() for module in (environment, drawing, test_sets)]
         parts = [asdict(self.sets), asdict(source.recipe), self.demonstrations, SETS[name], code]
