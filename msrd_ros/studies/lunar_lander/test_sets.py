@@ -56,10 +56,10 @@ class SetPlan:
     learners: int = 6
     episodes: int = 5
     updates: int = 40
-    clone_episodes: int = 4
+    clone_episodes: int = 8
     clone_updates: int = 15
     noise_levels: tuple[float, ...] = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 1.0)
-    noisy_episodes: int = 8
+    noisy_episodes: int = 16
 
 
 @dataclass(frozen=True)
