@@ -53,11 +53,11 @@ SIMULATION = [
     "pybullet>=3.2.6",
     "tensorboard>=2.15",
 ]
-STUDIES = [*SIMULATION, "gymnasium[mujoco]>=1.0", "mujoco>=3.2.7"]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
 # Not gymnasium's own extra: before 1.2.3 it compiles Box2D. Without pygame none of its worlds loads.
 EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0", "pygame-ce>=2.4.0"]
+STUDIES = [*SIMULATION, *EXAMPLES, "gymnasium[mujoco]>=1.0", "mujoco>=3.2.7"]
 # viser wants websockets below 17, and is younger than all others: earlier versions cannot be kept private.
 STUDIO = [*SIMULATION, "aiohttp>=3.11.0", "trimesh>=4.4.0", "viser>=1.1.0", "websockets>=14.0,<17"]
 DOCUMENTS = ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8"]

@@ -157,7 +157,8 @@ def test_nothing_is_declared_in_vain(declared: dict[str, set[str]]) -> None:
     places = [CHECKOUT / PACKAGE, *(CHECKOUT / PACKAGE / name for name in EXTRAS if name.endswith(".py"))]
     used = {name for place in places for module, _ in imported(place) for name in distributions(module)}
     asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari")))
-    assert asked - used == set()
+    # Gymnasium's own worlds are in "studies" as well; it is Gymnasium that imports what they stand on.
+    assert asked - used - declared["examples"] == set()
 
 
 def pins(name: str) -> dict[str, Version]:

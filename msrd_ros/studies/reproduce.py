@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from msrd_ros.core.errors import UserError
 Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
 """A study's numbers, and what writes its report from them."""
 
-STUDIES = ("inverted_pendulum", "hopper", "table_tennis")
+STUDIES = ("inverted_pendulum", "hopper", "table_tennis", "flair")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -47,12 +48,14 @@ def run(argv: list[str]) -> int:
     for name in names:
         if name not in STUDIES:
             raise UserError(f"unknown study {name!r}; use one of {', '.join((*STUDIES, 'all'))}")
+    if options.data is not None and "flair" not in names:
+        raise UserError(f"--data {options.data}: only flair takes demonstrations from a file; leave it out")
     for name in names:
         folder = Path(options.out or "out")
         if len(names) > 1 or options.out is None:
             folder /= name
         _check_writable(folder)
-        _reproduce(name, folder, options.seeds, options.quick)
+        _reproduce(name, folder, options.seeds, options.quick, options.data)
     return 0
 
 
@@ -75,6 +78,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         default=None,
         help="where report.html and metrics.json go; default: out/ and the study's name",
     )
+    parser.add_argument(
+        "--data", type=Path, default=None, help="flair: demonstrations as npz; default: FLAIR's, which ship"
+    )
     options = parser.parse_args(argv)
     if options.seeds is not None and not 1 <= options.seeds <= 100:
         raise UserError(f"--seeds {options.seeds}: give a number from 1 to 100")
@@ -92,19 +98,20 @@ def _check_writable(folder: Path) -> None:
         raise UserError(f"--out {folder}: cannot write there ({error.strerror}); choose another") from None
 
 
-def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool) -> None:
+def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool, data: Path | None = None) -> None:
     """One study; imports what it needs only now, so that a missing extra is a clear error."""
     try:
         import torch
 
-        study = {
+        studies: dict[str, Callable[[Path, int | None, bool], Finished]] = {
             "inverted_pendulum": _inverted_pendulum,
             "hopper": _hopper,
             "table_tennis": _table_tennis,
-        }[name]
+            "flair": partial(_flair, data),
+        }
         torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
         started = time.monotonic()
-        metrics, write_page = study(folder, seeds, quick)
+        metrics, write_page = studies[name](folder, seeds, quick)
     except ModuleNotFoundError as error:
         missing = f"{name} needs {error.name}, which is not installed"
         raise UserError(f"{missing}; install it with `pip install 'msrd_ros[studies]'`") from None
@@ -144,6 +151,17 @@ def _table_tennis(folder: Path, seeds: int | None, quick: bool) -> Finished:
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
     return run_study(plan, folder, _ticker()), lambda found: write_report(found, folder)
+
+
+def _flair(data: Path | None, folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.studies.lunar_lander.report import write_report
+    from msrd_ros.studies.lunar_lander.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    metrics = run_study(plan, folder / "runs", _ticker(), data)
+    return metrics, lambda found: write_report(found, plan, folder)
 
 
 def _ticker() -> Callable[[str], None]:

@@ -27,7 +27,7 @@ from msrd_ros.studies.hopper.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.method import Budget, silent
 from msrd_ros.studies.shared.methods import METHODS
-from msrd_ros.studies.shared.runs import TEST_SEED, Runs, SharedPlan, append_marks
+from msrd_ros.studies.shared.runs import TEST_SEED, SharedPlan, VirtualRuns, append_marks
 from msrd_ros.studies.shared.statistics import RIVALS, paired_test
 
 OTHER_TRUTH_METHODS = (
@@ -82,9 +82,9 @@ class StudyPlan(SharedPlan):
             workers=0,
         )
 
-    def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
+    def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = silent) -> VirtualRuns:
         """The runs on one pair, kept in `folder`."""
-        return Runs(HOPPER, cached_demonstrators(pair), pair, self, folder, progress)
+        return VirtualRuns(HOPPER, cached_demonstrators(pair), pair, self, folder, progress)
 
     def test_set(self, pair: str, repetition: int) -> GaitTestSet:
         """The test trajectories of a repetition, the same for every method."""
@@ -144,7 +144,7 @@ def _compare(
     }
 
 
-def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
+def _transfer(plan: TransferPlan, runs: VirtualRuns) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     msrd, airl = "msrd", "airl"
     key = cache_key(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])

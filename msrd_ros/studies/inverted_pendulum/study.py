@@ -27,7 +27,7 @@ from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.method import Budget, silent
 from msrd_ros.studies.shared.methods import METHODS
-from msrd_ros.studies.shared.runs import Runs, SharedPlan
+from msrd_ros.studies.shared.runs import SharedPlan, VirtualRuns
 from msrd_ros.studies.shared.task import VirtualTask
 
 NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
@@ -103,9 +103,9 @@ class StudyPlan(SharedPlan):
             workers=0,
         )
 
-    def runs(self, kind: Kind, folder: Path, progress: Callable[[str], None] = silent) -> Runs:
+    def runs(self, kind: Kind, folder: Path, progress: Callable[[str], None] = silent) -> VirtualRuns:
         """The runs on one set of demonstrators, kept in `folder`."""
-        return Runs(PENDULUM, cached_demonstrators(kind), kind.value, self, folder, progress)
+        return VirtualRuns(PENDULUM, cached_demonstrators(kind), kind.value, self, folder, progress)
 
 
 def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     }
 
 
-def _transfer(plan: TransferPlan, runs: Runs) -> dict[str, Any]:
+def _transfer(plan: TransferPlan, runs: VirtualRuns) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     methods = ("msrd", "airl_each_cross", "classifier")
     key = cache_key("transfer", asdict(plan), [runs.settings(method) for method in methods])

@@ -11,7 +11,7 @@ from torch import Tensor
 from msrd_ros.learning.baselines import StrategyClassifier, SupervisedRewards
 from msrd_ros.learning.rewards import RewardEnsemble, RewardForm, RewardValues
 from msrd_ros.learning.trajectories import Transitions
-from msrd_ros.studies.shared.task import VirtualTask
+from msrd_ros.studies.shared.task import LearningTask, VirtualTask
 
 Rewards = Callable[[Tensor], Tensor]
 """Rewards of states. A task reward maps ``[..., O]`` to ``[...]``. Rewards of strategies map ``[N, O]`` to
@@ -53,7 +53,7 @@ class Estimate:
 
 
 def from_rewards(
-    task: VirtualTask, rewards: RewardEnsemble, seconds: float, environment_steps: int
+    task: LearningTask, rewards: RewardEnsemble, seconds: float, environment_steps: int
 ) -> Estimate:
     """The functions of states that trained reward models stand for.
 

@@ -17,7 +17,7 @@ from msrd_ros.learning.method import Learner, Method, Problem
 from msrd_ros.learning.rewards import RewardEnsemble
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.studies.shared.estimates import Estimate, from_rewards
-from msrd_ros.studies.shared.task import StrategyTruth, VirtualTask
+from msrd_ros.studies.shared.task import LearningTask, StrategyTruth
 
 MEMBER_SEED = 100
 """Distance between the seeds of the runs that are averaged: repetitions are counted below it."""
@@ -67,7 +67,7 @@ class Exercise:
         True strategy rewards: for the regression on them; no method sees them.
     """
 
-    task: VirtualTask
+    task: LearningTask
     demonstrations: Demonstrations
     budget: Budget
     seed: int = 0
@@ -87,7 +87,7 @@ class StudyMethod(ABC):
     name: str
     title: str
 
-    def settings(self, task: VirtualTask, budget: Budget) -> Any:
+    def settings(self, task: LearningTask, budget: Budget) -> Any:
         """Everything that a run depends on beside the exercise, as data for JSON."""
         return [self.name, budget.classifier_steps]
 
@@ -124,7 +124,7 @@ class InverseLearning(StudyMethod):
         self.name, self.title = method.name, method.title
         self._method = method
 
-    def recipe(self, task: VirtualTask, budget: Budget) -> MSRDConfig:
+    def recipe(self, task: LearningTask, budget: Budget) -> MSRDConfig:
         """The task's settings within the budget, before the method makes its own changes."""
         config = task.own_presets.get(self.name, task.preset)()
         return replace(
@@ -134,7 +134,7 @@ class InverseLearning(StudyMethod):
             cloning=replace(config.cloning, steps=budget.cloning_steps),
         )
 
-    def settings(self, task: VirtualTask, budget: Budget) -> Any:
+    def settings(self, task: LearningTask, budget: Budget) -> Any:
         """Recipe, steps of a rollout, and runs."""
         return [self.name, self.recipe(task, budget).to_dict(), budget.horizon, budget.members]
 
@@ -159,7 +159,7 @@ class InverseLearning(StudyMethod):
             which = (
                 f"{self.name} seed {exercise.seed}: run {member + 1} of {exercise.budget.members}, iteration"
             )
-            Harness(learner, _Telling(exercise.progress, which)).run()
+            Harness(learner, Telling(exercise.progress, which)).run()
             members.append(learner.averaged_rewards)
             steps += learner.environment_steps
         return from_rewards(exercise.task, RewardEnsemble(members), time.perf_counter() - started, steps)
@@ -172,7 +172,7 @@ class InverseLearning(StudyMethod):
         return from_rewards(exercise.task, rewards, seconds, steps)
 
 
-class _Telling(Task):
+class Telling(Task):
     """Tells now and then how well generated transitions are told from demonstrations."""
 
     def __init__(self, progress: Callable[[str], None], which: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from msrd_ros.reports.page import Report
 from msrd_ros.studies.shared import figures
 from msrd_ros.studies.shared.methods import METHODS
-from msrd_ros.studies.shared.runs import Runs
+from msrd_ros.studies.shared.runs import VirtualRuns
 
 COLUMNS = (
     ("task_r", "task r, normalised per strategy"),
@@ -90,7 +90,7 @@ def tests_table(report: Report, tests: dict[str, Any]) -> None:
     report.table(["comparison", "outcome"], rows)
 
 
-def correlation_scatter(report: Report, runs: Runs) -> None:
+def correlation_scatter(report: Report, runs: VirtualRuns) -> None:
     """The paper's Figure 2, of the first repetition."""
     estimates = {METHODS[method].title: runs.estimate(method, 0) for method in ("msrd", "airl")}
     report.figure(

@@ -24,10 +24,10 @@ from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import TestSet, evaluate, make_test_set, task_correlation
-from msrd_ros.studies.shared.method import Budget, Exercise, restore, silent
+from msrd_ros.studies.shared.method import Budget, Exercise, StudyMethod, restore, silent
 from msrd_ros.studies.shared.methods import METHODS
 from msrd_ros.studies.shared.statistics import summarise
-from msrd_ros.studies.shared.task import Demonstrators, VirtualTask
+from msrd_ros.studies.shared.task import DemonstrationSource, Demonstrators, LearningTask, VirtualTask
 
 T = TypeVar("T")
 
@@ -76,14 +76,17 @@ class Runs:
         Where the files are.
     progress
         Told what is going on.
+    methods
+        Rows of the tables, by name.
     """
 
-    task: VirtualTask
-    demonstrators: Demonstrators
+    task: LearningTask
+    demonstrators: DemonstrationSource
     name: str
     plan: SharedPlan
     folder: Path
     progress: Callable[[str], None] = silent
+    methods: Mapping[str, StudyMethod] = field(default_factory=lambda: METHODS)
 
     def prepare(self, methods: Iterable[str], repetitions: int) -> None:
         """Train what `estimate` will be asked for, several runs side by side."""
@@ -111,12 +114,12 @@ class Runs:
         path = self.path(method, repetition)
         if not path.exists():
             self.train(method, repetition)
-        return restore(METHODS[method], self._exercise(repetition), load_tensors(path.read_bytes()))
+        return restore(self.methods[method], self._exercise(repetition), load_tensors(path.read_bytes()))
 
     def train(self, method: str, repetition: int) -> None:
         """Train `method` and keep the outcome as a file."""
         self.progress(f"{self.name}: {method}, seed {repetition}")
-        estimate = METHODS[method].train(self._exercise(repetition))
+        estimate = self.methods[method].train(self._exercise(repetition))
         write_atomically(self.path(method, repetition), save_tensors(estimate.tensors()))
 
     def _exercise(self, repetition: int) -> Exercise:
@@ -134,31 +137,10 @@ class Runs:
         """The demonstrations of a repetition, the same for every method."""
         return self.demonstrators.demonstrate(self.plan.demonstrations, DEMONSTRATION_SEED + repetition)
 
-    def test_set(self, repetition: int) -> TestSet:
-        """The test trajectories of a repetition."""
-        seed = TEST_SEED + repetition
-        return make_test_set(
-            self.task, self.demonstrators, seed, self.plan.test_repeats, self.plan.test_clean
-        )
-
     @property
     def demonstrators_report(self) -> dict[str, Any]:
         """What the demonstrators are, and the recipe that made them."""
         return self.demonstrators.report | {"recipe": asdict(self.demonstrators.recipe)}
-
-    def compare(self, methods: Iterable[str], repetitions: int) -> dict[str, Any]:
-        """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
-        methods = tuple(methods)
-        self.prepare(methods, repetitions)
-        scores: dict[str, dict[str, list[Any]]] = {}
-        for repetition in range(repetitions):
-            append_marks(scores, self.marks(methods, repetition, self.test_set, _judge))
-        return {
-            "seeds": list(range(repetitions)),
-            "demonstrators": self.demonstrators_report,
-            "methods": scores,
-            "tests": summarise(scores),
-        }
 
     def marks(
         self,
@@ -200,7 +182,36 @@ class Runs:
 
     def settings(self, method: str) -> Any:
         """Everything that a method's run depends on, as data for JSON."""
-        return METHODS[method].settings(self.task, self.plan.budget)
+        return self.methods[method].settings(self.task, self.plan.budget)
+
+
+@dataclass(frozen=True)
+class VirtualRuns(Runs):
+    """Runs on demonstrators of our own, who also play the test trajectories."""
+
+    task: VirtualTask
+    demonstrators: Demonstrators
+
+    def test_set(self, repetition: int) -> TestSet:
+        """The test trajectories of a repetition."""
+        seed = TEST_SEED + repetition
+        return make_test_set(
+            self.task, self.demonstrators, seed, self.plan.test_repeats, self.plan.test_clean
+        )
+
+    def compare(self, methods: Iterable[str], repetitions: int) -> dict[str, Any]:
+        """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
+        methods = tuple(methods)
+        self.prepare(methods, repetitions)
+        scores: dict[str, dict[str, list[Any]]] = {}
+        for repetition in range(repetitions):
+            append_marks(scores, self.marks(methods, repetition, self.test_set, _judge))
+        return {
+            "seeds": list(range(repetitions)),
+            "demonstrators": self.demonstrators_report,
+            "methods": scores,
+            "tests": summarise(scores),
+        }
 
 
 def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[str, Mapping[str, Any]]) -> None:

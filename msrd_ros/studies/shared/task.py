@@ -27,13 +27,31 @@ class StrategyTruth(Protocol):
         ...
 
 
-class Demonstrators(Protocol):
-    """Policies that solve a task, each in its own way, and what each of them truly prefers."""
+class DemonstrationSource(Protocol):
+    """Where the demonstrations of a study come from: demonstrators, or a file of what others recorded."""
 
     @property
     def recipe(self) -> Any:
         """How they were made: a dataclass, part of the key under which runs are kept."""
         ...
+
+    @property
+    def truth(self) -> StrategyTruth | None:
+        """True strategy rewards; None where nobody knows them."""
+        ...
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """What is to be said about them, as data for JSON."""
+        ...
+
+    def demonstrate(self, count: int, seed: int) -> Demonstrations:
+        """`count` episodes of each strategy."""
+        ...
+
+
+class Demonstrators(DemonstrationSource, Protocol):
+    """Policies that solve a task, each in its own way, and what each of them truly prefers."""
 
     @property
     def policies(self) -> GaussianPolicies:
@@ -43,15 +61,6 @@ class Demonstrators(Protocol):
     @property
     def truth(self) -> StrategyTruth:
         """Their true strategy rewards."""
-        ...
-
-    @property
-    def report(self) -> dict[str, Any]:
-        """What is to be said about them, as data for JSON."""
-        ...
-
-    def demonstrate(self, count: int, seed: int) -> Demonstrations:
-        """Play `count` episodes of each strategy."""
         ...
 
 
@@ -72,9 +81,9 @@ class CollectorMaker(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class VirtualTask:
-    """One simulated task.
+@dataclass(frozen=True, kw_only=True)
+class LearningTask:
+    """A task as the methods see it.
 
     Attributes
     ----------
@@ -87,17 +96,9 @@ class VirtualTask:
     preset
         Settings of MSRD on this task; those of the other methods follow from them.
     make_collector
-        Where policies are played.
+        Where policies are played, in episodes of so many steps.
     horizon
         Steps of a full episode, T.
-    task_reward
-        True task reward of states ``[..., O]``, ``[...]``.
-    has_fallen
-        Whether the task was ever lost in trajectories ``[..., T+1, O]``, ``[...]``.
-    noise_levels
-        Probabilities of random actions for test trajectories; beyond the last all are alike.
-    identifying_feature
-        Column of the observation whose settled mean tells the strategies apart, for the oracle.
     make_autoreset
         Where episodes of so many steps start again whenever the task is lost; None: nowhere.
     own_presets
@@ -110,11 +111,32 @@ class VirtualTask:
     action_width: int
     features: Features
     preset: Callable[[], MSRDConfig]
-    make_collector: CollectorMaker
+    make_collector: Callable[[int], Collector]
     horizon: int
+    make_autoreset: Callable[[int], Collector] | None = None
+    own_presets: Mapping[str, Callable[[], MSRDConfig]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualTask(LearningTask):
+    """One simulated task with demonstrators of our own and a truth about every state.
+
+    Attributes
+    ----------
+    make_collector
+        Where policies are played; can disturb their actions.
+    task_reward
+        True task reward of states ``[..., O]``, ``[...]``.
+    has_fallen
+        Whether the task was ever lost in trajectories ``[..., T+1, O]``, ``[...]``.
+    noise_levels
+        Probabilities of random actions for test trajectories; beyond the last all are alike.
+    identifying_feature
+        Column of the observation whose settled mean tells the strategies apart, for the oracle.
+    """
+
+    make_collector: CollectorMaker
     task_reward: Callable[[Observations], NDArray[np.float64]]
     has_fallen: Callable[[Observations], NDArray[np.bool_]]
     noise_levels: tuple[float, ...]
     identifying_feature: int
-    make_autoreset: Callable[[int], Collector] | None = None
-    own_presets: Mapping[str, Callable[[], MSRDConfig]] = field(default_factory=dict)

@@ -13,6 +13,7 @@ from msrd_ros.learning.baselines import StrategyClassifier, SupervisedRewards
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.studies.shared.estimates import Estimate, from_classifier, from_places, from_teaching
 from msrd_ros.studies.shared.method import Exercise, StudyMethod
+from msrd_ros.studies.shared.task import VirtualTask
 
 N = TypeVar("N", StrategyClassifier, SupervisedRewards)
 
@@ -45,16 +46,16 @@ class Oracle(StudyMethod):
 
     def train(self, exercise: Exercise) -> Estimate:
         """Take the mean of the second half of the demonstrations."""
-        started = time.perf_counter()
+        started, task = time.perf_counter(), _known(exercise)
         observations = exercise.demonstrations.observations
         half = observations.shape[2] // 2
-        settled = np.asarray(observations[:, :, half:, exercise.task.identifying_feature], dtype=np.float64)
+        settled = np.asarray(observations[:, :, half:, task.identifying_feature], dtype=np.float64)
         places = torch.as_tensor(settled.mean(axis=(1, 2)), dtype=torch.float32)
-        return from_places(exercise.task, places, time.perf_counter() - started)
+        return from_places(task, places, time.perf_counter() - started)
 
     def restore(self, exercise: Exercise, weights: dict[str, Tensor], seconds: float, steps: int) -> Estimate:
         """From these places."""
-        return from_places(exercise.task, weights["places"], seconds)
+        return from_places(_known(exercise), weights["places"], seconds)
 
 
 class Supervised(StudyMethod):
@@ -79,6 +80,13 @@ class Supervised(StudyMethod):
         supervised.bounds = weights.pop("bounds")
         supervised.network.load_state_dict(weights)
         return from_teaching(supervised, seconds)
+
+
+def _known(exercise: Exercise) -> VirtualTask:
+    """The task, of which it is known what tells its strategies apart."""
+    if not isinstance(exercise.task, VirtualTask):
+        raise ValueError(f"{exercise.task.name}: nobody knows which feature tells its strategies apart")
+    return exercise.task
 
 
 def _fresh(network: type[N], exercise: Exercise) -> N:
