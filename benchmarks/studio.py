@@ -41,7 +41,7 @@ from stack import START_TIMEOUT_S, Stack  # noqa: E402
 from studio_stack import POLICIES, free_port, wait_for_page  # noqa: E402
 
 STROKES = 10
-PAIRS = 6
+PAIRS = 3
 WINDOW_S = 30.0
 """Of balls counted with a client, and as long without one."""
 BALLS = 1000
@@ -128,7 +128,7 @@ def client(address: str) -> Iterator[None]:
 
     async def take(path: str, *protocols: str) -> None:
         async with (
-            aiohttp.ClientSession() as session,
+            aiohttp.ClientSession(headers={"Origin": address}) as session,
             session.ws_connect(address + path, protocols=protocols, max_msg_size=0) as socket,
         ):
             async for _ in socket:

@@ -186,25 +186,25 @@ def compare(played: Sequence[Outcome], taught: Sequence[Outcome]) -> tuple[float
 def tour(out: Path, variations: int, seed: int) -> dict[str, Any]:
     """All of it; figures by name."""
     bags, begin_s = out / "bags", time.monotonic()
-    with reserved_domain() as domain, Stack(domain, out) as stack:
+    with reserved_domain() as domain, Stack(domain, out) as stack, open_page("about:blank") as page:
         words = [f"port:={free_port()}", f"bags:={bags}", f"runs:={out / 'runs'}"]
         studio = stack.launcher.start("up", "studio", *words)
         address = studio.wait_for_line(r"studio: open (\S+)", 300.0).group(1)
         up_s = time.monotonic()
-        with open_page(address) as page:
-            while not is_drawn(page):
-                pass
-            first_s = time.monotonic()
-            person = Tour(page, stack, bags)
-            person.sketch()
-            person.guide()
-            person.vary(variations)
-            taught_s = time.monotonic()
-            highest = person.learn(seed)
-            trained_s = time.monotonic()
-            taught = recorded(bags, NAME)[NAME]  # from now on what is played is recorded, too
-            played = person.play()
-            end_s = time.monotonic()
+        page.goto(address)
+        while not is_drawn(page):
+            pass
+        first_s = time.monotonic()
+        person = Tour(page, stack, bags)
+        person.sketch()
+        person.guide()
+        person.vary(variations)
+        taught_s = time.monotonic()
+        highest = person.learn(seed)
+        trained_s = time.monotonic()
+        taught = recorded(bags, NAME)[NAME]  # from now on what is played is recorded, too
+        played = person.play()
+        end_s = time.monotonic()
         studio.send_signal(signal.SIGINT)
         studio.wait(60.0)
     landing_m, spin_rad_s = compare(played, taught)
