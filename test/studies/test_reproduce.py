@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from estimates import require_alike
 from msrd_ros.core.errors import UserError
 from msrd_ros.studies import reproduce
 from msrd_ros.studies.inverted_pendulum.demonstrators import (
@@ -272,14 +273,7 @@ def test_a_kept_run_says_the_same_as_the_run_itself(method: str) -> None:
     estimate = METHODS[method].train(exercise)
     again = restore(METHODS[method], exercise, estimate.tensors())
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
-    compared = 0
-    for name in ("task", "strategies", "combined"):
-        first, second = getattr(estimate, name), getattr(again, name)
-        assert (first is None) == (second is None), name
-        if first is not None:
-            torch.testing.assert_close(second(states), first(states))
-            compared += 1
-    assert compared
+    require_alike(estimate, again, states)
 
 
 def test_a_result_is_made_once(tmp_path: Path) -> None:

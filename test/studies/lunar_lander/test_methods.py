@@ -8,6 +8,7 @@ import torch
 
 pytest.importorskip("Box2D")
 
+from estimates import require_alike
 from msrd_ros.studies.lunar_lander.demonstrations import load_demonstrations
 from msrd_ros.studies.lunar_lander.environment import shaping_potential
 from msrd_ros.studies.lunar_lander.methods import METHODS, PlayedEstimate, nearness, potential, slowness
@@ -48,14 +49,7 @@ def test_a_kept_run_says_and_does_the_same_as_the_run_itself(method: str) -> Non
     estimate = METHODS[method].train(exercise)
     again = restore(METHODS[method], exercise, estimate.tensors())
     states = torch.as_tensor(data.observations[:, 0, 1::50], dtype=torch.float32)
-    compared = 0
-    for name in ("task", "strategies", "combined"):
-        first, second = getattr(estimate, name), getattr(again, name)
-        assert (first is None) == (second is None), name
-        if first is not None:
-            torch.testing.assert_close(second(states), first(states))
-            compared += 1
-    assert compared
+    require_alike(estimate, again, states)
     assert (
         isinstance(estimate, PlayedEstimate)
         == isinstance(again, PlayedEstimate)
