@@ -41,6 +41,8 @@ _RENAMED = {
     "corrections": "recovery_labels",
 }
 """Names of 0.1.0, and what they are called now."""
+_ADDED = {"reward": {"nearness": 0.0}, "replay": {"displaced_share": 0.0}}
+"""Settings that 0.1.0 did not have, and what it did."""
 
 
 def export_policies(policies: Policies, layout: Layout, details: dict[str, Any] | None = None) -> PolicySet:
@@ -154,6 +156,7 @@ def _read(path: Path) -> tuple[Layout, dict[str, Any], dict[str, Any], dict[str,
     try:
         layout, details = Layout.from_dict(header["layout"]), header["details"]
         tree, config = details["trainer"], renamed(details["config"], _RENAMED)
+        config |= {part: added | config[part] for part, added in _ADDED.items()}
         everything = load_tensors(data)
     except (KeyError, TypeError, SafetensorError) as error:
         raise UserError(f"{path}: not a training checkpoint ({error}); start anew or use another") from None

@@ -103,6 +103,10 @@ class RewardConfig:
         Whether rewards are R(s, a) rather than R(s).
     shaping
         Whether to add AIRL's potential h_i.
+    nearness
+        Weight at the start, learned from there, of ``-log(1 + d^2)`` in R0 (see `Nearness`), which its
+        network corrects: where data end a tanh network levels off anywhere, and with this R0 goes on
+        falling. 0 is the paper.
     reward_groups
         Which strategy-only reward each strategy has, counted from 0; empty: each has its own.
     """
@@ -114,6 +118,7 @@ class RewardConfig:
     strategy_features: FeatureConfig = field(default_factory=FeatureConfig)
     sees_action: bool = False
     shaping: bool = False
+    nearness: float = 0.0
     reward_groups: tuple[int, ...] = ()
 
 
@@ -199,12 +204,16 @@ class ReplayConfig:
     replay_share, snapshot_share
         Shares of a batch drawn from past iterations and from rollouts of the cloning snapshots; the rest is
         from the latest rollouts.
+    displaced_share
+        Share of all of them whose next state is a demonstrated one with a random offset instead (see
+        `Displacement`): R0 and S_i learn that places which nobody shows are worth little (0 is the paper).
     """
 
     keep: int = 256
     iterations: int = 1000
     replay_share: float = 0.0
     snapshot_share: float = 0.0
+    displaced_share: float = 0.0
 
 
 @dataclass(frozen=True)

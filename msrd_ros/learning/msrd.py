@@ -16,12 +16,13 @@ from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
 from msrd_ros.learning.config import MSRDConfig, PolicyReward, RefitConfig
+from msrd_ros.learning.displaced import Displacement
 from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.replay import DemonstrationPool, Replay
 from msrd_ros.learning.reward_training import Negatives, RewardTraining
-from msrd_ros.learning.rewards import AveragedRewards, RewardModel
+from msrd_ros.learning.rewards import AveragedRewards, Nearness, RewardModel
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
 
@@ -79,11 +80,13 @@ class MSRD:
         # Line 1: the demonstrations.  Lines 2 and 3: R0, S_i, pi_i and the weights alpha_i.
         strategies = demonstrations.strategies
         self._demonstrations = DemonstrationPool(demonstrations)
+        self._displacement = Displacement(self._demonstrations)
         features = config.policy.features.build(demonstrations)
+        task_features = config.reward.task_features.build(demonstrations)
         self.rewards = RewardModel(
             config.reward.form,
             strategies,
-            config.reward.task_features.build(demonstrations),
+            task_features,
             config.reward.strategy_features.build(demonstrations),
             len(self.layout.action_names) if config.reward.sees_action else 0,
             config.reward.hidden,
@@ -92,6 +95,7 @@ class MSRD:
             config.reward.shaping,
             config.discount,
             config.reward.reward_groups,
+            Nearness.of(task_features(self._demonstrations.states()), config.reward.nearness),
         )
         self.policies: Policies = policies or GaussianPolicies(
             strategies,
@@ -220,7 +224,13 @@ class MSRD:
             expert = self._demonstrations.sample(everything, amount, generator)
             expert = expert.with_log_prob(self._log_prob(expert))
             past = Negatives.draw(
-                self._snapshots, self._replay, self._snapshots, refit.negatives, amount, generator
+                self._snapshots,
+                self._replay,
+                self._snapshots,
+                self._displacement,
+                refit.negatives,
+                amount,
+                generator,
             )
             training.train(expert, past, config.steps, 0, generator)
         return averaged.model
@@ -274,7 +284,13 @@ class MSRD:
     def _negatives(self, generated: Transitions, amount: int) -> Negatives:
         """Transitions to tell the demonstrations from: latest, replayed, and of the cloning snapshots."""
         return Negatives.draw(
-            generated, self._replay, self._snapshots, self.config.replay, amount, self._generator
+            generated,
+            self._replay,
+            self._snapshots,
+            self._displacement,
+            self.config.replay,
+            amount,
+            self._generator,
         )
 
     def state_dict(self) -> dict[str, Any]:

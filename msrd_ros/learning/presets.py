@@ -18,4 +18,9 @@ def as_printed(config: MSRDConfig) -> MSRDConfig:
         task_penalty_weight=0.0,
         penalise_all=False,
     )
-    return replace(config, discriminator=discriminator)
+    return replace(
+        config,
+        discriminator=discriminator,
+        reward=replace(config.reward, nearness=0.0),
+        replay=replace(config.replay, displaced_share=0.0),
+    )

@@ -31,13 +31,13 @@ def default_config(restarts: bool = True) -> MSRDConfig:
         episodes=4,
         # Entropy by the objective itself: a policy that is sure of itself leaves the discriminator nothing.
         policy_reward=PolicyReward.LOGIT,
-        reward=RewardConfig(hidden=(32, 32)),
+        reward=RewardConfig(hidden=(32, 32), nearness=1.0),
         discriminator=DiscriminatorConfig(
             batch=256,
             learning_rate=2e-3,
             # S_i is kept small so that R0 explains what it can; R0 costs something as well, or it falls
             # without end where generators pile up and demonstrations never go.
-            penalty_weight=0.05,
+            penalty_weight=0.2,
             task_penalty_weight=0.05,
             # Without cross-negatives nothing tells S_i what the other strategies look like. Of the task they
             # say nothing: where they reached R0 as well, R0 of the shipped landings correlated less with the
@@ -54,7 +54,7 @@ def default_config(restarts: bool = True) -> MSRDConfig:
         ),
         # Generators that start near the demonstrators stay there: only bad examples, from nearly right to
         # hopeless, show what R0 is about, and once nobody fails any more R0 would forget them.
-        replay=ReplayConfig(keep=512, replay_share=0.15, snapshot_share=0.6),
+        replay=ReplayConfig(keep=512, replay_share=0.15, snapshot_share=0.6, displaced_share=0.4),
         policy=PolicyConfig(hidden=(64, 64), std=0.2, std_min=0.05, std_max=0.3),
         # Policies that run ahead of the rewards lose the contrast with the demonstrations.
         trust_region=TrustRegionConfig(kl=0.01, kl_end=0.2),

@@ -33,6 +33,13 @@ class DemonstrationPool:
         self._order = torch.argsort((~exists).to(torch.int8), dim=1, stable=True)
         self._steps = torch.as_tensor(steps)
 
+    def states(self) -> Tensor:
+        """All states that demonstrations lead to, of all strategies, ``[N, O]``."""
+        strategies, most = self._steps.shape
+        valid = torch.arange(self.horizon) < self._steps[..., None]
+        after = self.transitions.next_observation.reshape(strategies, most, self.horizon, -1)
+        return after[valid]
+
     def choose(self, count: int | None, generator: torch.Generator) -> Tensor:
         """K demonstrations of each strategy without repeats: indices ``[S, K]``; None takes all."""
         strategies, most = self._order.shape

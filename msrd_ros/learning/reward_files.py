@@ -13,7 +13,7 @@ from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.networks import Features
-from msrd_ros.learning.rewards import RewardForm, RewardModel
+from msrd_ros.learning.rewards import Nearness, RewardForm, RewardModel
 
 REWARDS_PREFIX = "rewards/"
 _FEATURES = ("indices", "offset", "scale")
@@ -26,6 +26,7 @@ def describe_rewards(model: RewardModel) -> dict[str, Any]:
         "strategies": model.strategies,
         "hidden": list(model.task_network.sizes[1:-1]),
         "action_width": model.task_network.sizes[0] - model.task_features.width,
+        "nearness": model.nearness is not None,
         "shaping": model.potential_network is not None,
         "discount": model.discount,
         "reward_groups": [] if model.reward_groups is None else model.reward_groups.tolist(),
@@ -79,6 +80,10 @@ def restore_rewards(described: Mapping[str, Any], own: Mapping[str, Tensor], pat
             bool(described["shaping"]),
             float(described["discount"]),
             tuple(int(group) for group in described["reward_groups"]),
+            # Files of before there was one say nothing of it.
+            Nearness(own["nearness.centre"], own["nearness.deviation"], 0.0)
+            if described.get("nearness")
+            else None,
         )
         model.load_state_dict(own)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:

@@ -15,6 +15,7 @@ from msrd_ros.learning.discriminator import (
     distillation_loss,
     gradient_penalty,
 )
+from msrd_ros.learning.displaced import Displacement
 from msrd_ros.learning.replay import Replay, gather, of_others
 from msrd_ros.learning.rewards import AveragedRewards, RewardForm, RewardModel
 from msrd_ros.learning.trajectories import Transitions
@@ -32,6 +33,7 @@ class Negatives:
         latest: Transitions,
         replay: Replay,
         snapshots: Transitions | None,
+        displacement: Displacement,
         config: ReplayConfig,
         amount: int,
         generator: torch.Generator,
@@ -52,7 +54,8 @@ class Negatives:
             parts.append(pick(snapshots, from_snapshots))
         mixed = Transitions.join(parts)
         order = torch.randperm(mixed.packed.shape[1], generator=generator)
-        return cls(Transitions(mixed.packed[:, order], mixed.observation_width, mixed.action_width))
+        drawn = Transitions(mixed.packed[:, order], mixed.observation_width, mixed.action_width)
+        return cls(displacement.displace(drawn, config.displaced_share, generator))
 
 
 class RewardTraining:
@@ -78,6 +81,8 @@ class RewardTraining:
         self._config = config
         self._iterations = iterations
         task = list(rewards.task_network.parameters())
+        if rewards.nearness is not None:
+            task += list(rewards.nearness.parameters())
         own = list(rewards.strategy_network.parameters())
         if rewards.potential_network is not None:
             own += list(rewards.potential_network.parameters())

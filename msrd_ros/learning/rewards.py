@@ -38,6 +38,45 @@ class RewardValues:
     strategy: Tensor
 
 
+class Nearness(nn.Module):
+    """``-weight log(1 + d^2)``, d^2 the mean squared deviation of the inputs from what is demonstrated.
+
+    Up to its weight the log-density of a Student's t: quadratic near the demonstrations, and far from them so
+    slow that a lost episode does not outweigh all others.
+
+    Parameters
+    ----------
+    centre, deviation
+        Of the demonstrations, one value for each input.
+    weight
+        To start with; it is learned.
+    """
+
+    centre: Tensor
+    deviation: Tensor
+
+    def __init__(self, centre: Tensor, deviation: Tensor, weight: float) -> None:
+        super().__init__()
+        self.register_buffer("centre", centre.clone())
+        self.register_buffer("deviation", deviation.clone())
+        self.weight = nn.Parameter(torch.tensor(float(weight)))
+
+    @classmethod
+    def of(cls, demonstrated: Tensor, weight: float) -> Nearness | None:
+        """Nearness to demonstrated inputs ``[N, W]``; None for a weight of 0."""
+        if weight == 0.0:
+            return None
+        deviation = demonstrated.std(dim=0, correction=0)
+        # A column that the demonstrations never move would be infinitely far.
+        least = 1e-3 * max(1e-3, float(deviation.max()))
+        return cls(demonstrated.mean(dim=0), deviation.clamp(min=least), weight)
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """Of inputs ``[..., W]``, actions behind the features left out, ``[...]``."""
+        away = (inputs[..., : len(self.centre)] - self.centre) / self.deviation
+        return -self.weight * torch.log1p(away.square().mean(dim=-1))
+
+
 class RewardModel(nn.Module):
     """Task and strategy reward networks of three fully connected layers, looking at the next state.
 
@@ -64,6 +103,8 @@ class RewardModel(nn.Module):
     reward_groups
         Which strategy-only reward each strategy has, counted from 0: strategies of the same number share
         one. Empty: each has its own.
+    nearness
+        What the network of R0 is added to; None: nothing.
 
     Attributes
     ----------
@@ -87,6 +128,7 @@ class RewardModel(nn.Module):
         shaping: bool = False,
         discount: float = 0.99,
         reward_groups: tuple[int, ...] = (),
+        nearness: Nearness | None = None,
     ) -> None:
         super().__init__()
         reward_groups = reward_groups or tuple(range(strategies))
@@ -104,6 +146,7 @@ class RewardModel(nn.Module):
         self.discount = discount
         self.task_features = task_features
         self.strategy_features = strategy_features
+        self.nearness = nearness
         self.task_network = BatchedMLP(1, (task_features.width + action_width, *hidden, 1), generator)
         sizes = (strategy_features.width + action_width, *hidden, 1)
         self.strategy_network = BatchedMLP(len(set(reward_groups)), sizes, generator)
@@ -124,7 +167,7 @@ class RewardModel(nn.Module):
         if self.form is RewardForm.STRATEGY_ONLY:
             strategy = self._own(strategy_inputs)
             return RewardValues(strategy, torch.zeros_like(strategy), strategy)
-        task = self._shared(task_inputs)
+        task = self.task(task_inputs)
         if self.form is RewardForm.TASK_ONLY:
             return RewardValues(task, task, torch.zeros_like(task))
         own = self._own(strategy_inputs)
@@ -155,10 +198,11 @@ class RewardModel(nn.Module):
     def _own(self, inputs: Tensor) -> Tensor:
         return self.strategy_network(inputs, self.reward_groups).squeeze(-1)
 
-    def _shared(self, inputs: Tensor) -> Tensor:
+    def task(self, inputs: Tensor) -> Tensor:
+        """R0 of scaled inputs ``[S, N, ...]``, ``[S, N]``."""
         strategies, count, width = inputs.shape
-        values = self.task_network(inputs.reshape(1, strategies * count, width))
-        return values.reshape(strategies, count)
+        values = self.task_network(inputs.reshape(1, strategies * count, width)).reshape(strategies, count)
+        return values if self.nearness is None else values + self.nearness(inputs)
 
 
 class RewardEnsemble(nn.ModuleList):
@@ -195,7 +239,7 @@ class RewardEnsemble(nn.ModuleList):
     def task(self, states: Tensor) -> Tensor:
         """R0 of states ``[..., O]``, ``[...]``."""
         single = states.reshape(1, -1, states.shape[-1])
-        values = [model.task_network(model.task_features(single))[0, :, 0] for model in self.members]
+        values = [model.task(model.task_features(single))[0] for model in self.members]
         return torch.stack(values).mean(dim=0).reshape(states.shape[:-1])
 
     @torch.no_grad()

@@ -126,6 +126,38 @@ def test_options_of_the_discriminator(changes: dict[str, Any]) -> None:
     assert not torch.equal(plain.rewards.task_network.flat(), other.rewards.task_network.flat())
 
 
+@pytest.mark.parametrize(
+    "config",
+    [
+        replace(BASE, reward=RewardConfig(nearness=1.0)),
+        replace(BASE, replay=ReplayConfig(displaced_share=0.4)),
+    ],
+    ids=["nearness", "displaced_share"],
+)
+def test_what_r0_knows_of_places_that_nobody_shows_can_be_left_out(config: MSRDConfig) -> None:
+    plain, other, printed = run(BASE), run(config), run(as_printed(config))
+    assert not torch.equal(plain.rewards.task_network.flat(), other.rewards.task_network.flat())
+    assert torch.equal(plain.rewards.task_network.flat(), printed.rewards.task_network.flat())
+
+
+def test_r0_falls_away_from_the_demonstrations_in_every_direction() -> None:
+    """Of a network alone nobody knows what it says where neither demonstrations nor rollouts go."""
+    config = replace(BASE, reward=RewardConfig(nearness=1.0), replay=ReplayConfig(displaced_share=0.4))
+    trainer = run(config, iterations=40)
+    states = trainer._demonstrations.states()
+    angle = torch.linspace(0.0, 2.0 * np.pi, 33)[:-1]
+    direction = torch.stack([angle.cos(), angle.sin()], dim=-1)
+    rings = [states.mean(0) + size * states.std(0) * direction for size in (5.0, 20.0, 100.0)]
+    features, model = trainer.rewards.task_features, trainer.rewards
+    near = float(model.task(features(states[None])).detach().mean())
+    values = [model.task(features(ring[None]))[0].detach() for ring in rings]
+    assert float(values[0].max()) < near
+    assert bool((values[1] < values[0]).all())
+    assert bool((values[2] < values[1]).all())
+    assert model.nearness is not None
+    assert float(model.nearness.weight.detach()) != 1.0
+
+
 def test_slope_penalty_of_the_task_reward_flattens_it_alone() -> None:
     def slope(weight: float) -> float:
         config = replace(BASE, discriminator=replace(BASE.discriminator, task_gradient_penalty=weight))

@@ -18,7 +18,7 @@ from msrd_ros.learning.discriminator import (
 )
 from msrd_ros.learning.networks import BatchedMLP, Features
 from msrd_ros.learning.replay import of_others
-from msrd_ros.learning.rewards import AveragedRewards, RewardForm, RewardModel
+from msrd_ros.learning.rewards import AveragedRewards, Nearness, RewardForm, RewardModel
 from msrd_ros.learning.trajectories import Transitions
 
 
@@ -50,6 +50,23 @@ def test_two_columns_add_up() -> None:
     torch.testing.assert_close(values.task, task)
     scaled = (after - torch.tensor([0.0, 1.0])) / torch.tensor([1.0, 2.0])
     torch.testing.assert_close(values.strategy, rewards.strategy_network(scaled)[..., 0])
+
+
+def test_nearness_is_added_to_the_task_reward_alone() -> None:
+    near = Nearness.of(torch.tensor([[1.0], [3.0]]), 0.5)
+    with_it, without = (model(RewardForm.TWO_COLUMN, nearness=each) for each in (near, None))
+    away = (transitions().next_observation[..., 0] - 2.0) / 1.0
+    expected = -0.5 * torch.log(1.0 + away.square())
+    found, plain = with_it(transitions()), without(transitions())
+    torch.testing.assert_close(found.task - plain.task, expected)
+    torch.testing.assert_close(found.strategy, plain.strategy)
+    assert Nearness.of(torch.zeros(2, 1), 0.0) is None
+
+
+def test_a_column_that_never_moves_is_far_but_finite() -> None:
+    near = Nearness.of(torch.tensor([[0.0, 5.0], [2.0, 5.0]]), 1.0)
+    assert near is not None
+    assert -20.0 < float(near(torch.tensor([1.0, 6.0])).detach()) < -10.0
 
 
 def test_rewards_look_at_the_next_state_only() -> None:
