@@ -120,6 +120,10 @@ class LeRobotFiles:
         (width,) = self.features[feature]["shape"]
         return [str(name) for name in names] if isinstance(names, list) and len(names) == width else None
 
+    def numbers(self, begin: str) -> list[str]:
+        """Features that are rows of numbers and whose names begin so."""
+        return [name for name, told in self.features.items() if name.startswith(begin) and _is_row(told)]
+
     def require(self, feature: str) -> None:
         """Refuse a feature that is not there or is no row of numbers.
 
@@ -129,7 +133,7 @@ class LeRobotFiles:
             Says which there are.
         """
         told = self.features.get(feature)
-        if told is None or told["dtype"] in (*PICTURES, "string") or len(told["shape"]) != 1:
+        if told is None or not _is_row(told):
             state = (
                 "there is no"
                 if told is None
@@ -137,7 +141,7 @@ class LeRobotFiles:
             )
             raise UserError(
                 f"LeRobot data set {self.root}: {state} feature {feature!r}; there are "
-                f"{', '.join(name for name, one in self.features.items() if len(one['shape']) == 1)}"
+                f"{', '.join(self.numbers(''))}"
             )
 
     def episodes(self, features: Iterable[str]) -> list[LeRobotEpisode]:
@@ -189,6 +193,10 @@ class LeRobotFiles:
         if not files:
             raise UserError(f"LeRobot data set {self.root}: {folder}/ holds no parquet file; copy it again")
         return files
+
+
+def _is_row(feature: Mapping[str, Any]) -> bool:
+    return len(feature["shape"]) == 1 and feature["dtype"] not in (*PICTURES, "string")
 
 
 def need_pyarrow() -> Any:

@@ -25,7 +25,6 @@ from msrd_ros.contract.columns import (
     stroke_contract,
 )
 from msrd_ros.contract.episode import Episode
-from msrd_ros.contract.labels import say_label
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.exchange.stroke_set import SetStroke, StrokeSet
 from msrd_ros.recordings.exchange.table import Table, TableEpisode
@@ -187,12 +186,11 @@ def _infos(stroke: SetStroke) -> dict[str, NDArray[Any]]:
 
     Text is of a fixed length, which they can copy.
     """
-    facts = {**stroke.facts(), LABEL: say_label(stroke.episode.label)}
     return {
         key: np.array(
             [value.encode() if isinstance(value, str) else value] * len(stroke.episode.observations)
         )
-        for key, value in facts.items()
+        for key, value in stroke.facts().items()
     }
 
 

@@ -29,15 +29,26 @@ def episode_statistics(rows: NDArray[Any]) -> Statistics:
         "mean": exact.mean(axis=0),
         "std": exact.std(axis=0),
         "count": np.array([len(rows)]),
-        **{f"q{round(100 * q):02d}": value for q, value in zip(QUANTILES, quantiles, strict=True)},
+        **{_name(q): value for q, value in zip(QUANTILES, quantiles, strict=True)},
     }
 
 
 def picture_statistics(frames: NDArray[np.uint8]) -> Statistics:
     """The same of pictures (T, height, width, 3): of each colour within [0, 1], shape (3, 1, 1)."""
-    pixels = episode_statistics(frames.reshape(-1, 3))
-    scaled = {name: (value / 255.0).reshape(3, 1, 1) for name, value in pixels.items() if name != "count"}
-    return {**scaled, "count": np.array([len(frames)])}
+    levels = np.arange(256) / 255.0
+    counts = np.stack([np.bincount(frames[..., colour].reshape(-1), minlength=256) for colour in range(3)])
+    shares = counts / counts.sum(axis=1, keepdims=True)
+    below = shares.cumsum(axis=1)
+    mean = shares @ levels
+    found = {
+        "min": levels[(counts > 0).argmax(axis=1)],
+        "max": levels[255 - (counts[:, ::-1] > 0).argmax(axis=1)],
+        "mean": mean,
+        "std": np.sqrt((shares * (levels - mean[:, None]) ** 2).sum(axis=1)),
+        **{_name(q): levels[(below >= q - 1e-12).argmax(axis=1)] for q in QUANTILES},
+    }
+    shaped = {name: value.reshape(3, 1, 1) for name, value in found.items()}
+    return {**shaped, "count": np.array([len(frames)])}
 
 
 def pooled(parts: Sequence[Statistics]) -> Statistics:
@@ -58,3 +69,7 @@ def pooled(parts: Sequence[Statistics]) -> Statistics:
         "count": np.array([counts.sum()]),
         **{name: mean([part[name] for part in parts]) for name in names},
     }
+
+
+def _name(quantile: float) -> str:
+    return f"q{round(100 * quantile):02d}"
