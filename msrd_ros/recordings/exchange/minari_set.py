@@ -19,6 +19,7 @@ from msrd_ros import __version__
 from msrd_ros.contract.columns import (
     ACTION,
     ENVIRONMENT_STATE,
+    JOINT_VELOCITY,
     STATE,
     Columns,
     DataContract,
@@ -30,7 +31,7 @@ from msrd_ros.recordings.exchange.stroke_set import SetStroke, StrokeSet
 from msrd_ros.recordings.exchange.table import Table, TableEpisode
 from msrd_ros.robots.robot import Robot
 
-OBSERVATIONS, ACTIONS = "observations", "actions"
+OBSERVATIONS, ACTIONS, INFOS = "observations", "actions", "infos"
 LABEL = "label"
 """Key of the infos with the strategy: what `demonstrations_from_minari` looks for."""
 DATA_FOLDER = "data"
@@ -41,14 +42,18 @@ def minari_contract(robot: Robot) -> DataContract:
     """`stroke_contract` with Minari's features, whose entries have numbers instead of names."""
     contract = stroke_contract(robot)
     count = robot.joint_count
-    begins = {STATE: (OBSERVATIONS, 0), ENVIRONMENT_STATE: (OBSERVATIONS, count), ACTION: (ACTIONS, 0)}
+    begins = {
+        STATE: (OBSERVATIONS, 0),
+        ENVIRONMENT_STATE: (OBSERVATIONS, count),
+        ACTION: (ACTIONS, 0),
+        JOINT_VELOCITY: (f"{INFOS}.{JOINT_VELOCITY}", 0),
+    }
     found: list[Columns] = []
     for columns in contract.columns:
-        if columns.feature in begins:
-            feature, begin = begins[columns.feature]
-            begins[columns.feature] = feature, begin + len(columns.entries)
-            entries = tuple(range(begin, begin + len(columns.entries)))
-            found.append(replace(columns, feature=feature, entries=entries))
+        feature, begin = begins[columns.feature]
+        begins[columns.feature] = feature, begin + len(columns.entries)
+        entries = tuple(range(begin, begin + len(columns.entries)))
+        found.append(replace(columns, feature=feature, entries=entries))
     return replace(contract, columns=tuple(found))
 
 
@@ -122,30 +127,33 @@ def read_minari(root: Path) -> Table:
     UserError
         If it is none, or Minari is not installed.
     """
-    minari, spaces = _need_minari()
+    minari, _ = _need_minari()
     try:
         dataset = minari.MinariDataset(root / DATA_FOLDER)
-    except (OSError, ValueError, KeyError, AssertionError) as error:
+        return _MinariTable(root, dataset)
+    except (OSError, ValueError, KeyError, AssertionError, StopIteration) as error:
         raise UserError(
             f"Minari data set {root}: is not readable ({error}); give the folder that holds {DATA_FOLDER}/"
         ) from None
-    return _MinariTable(root, dataset, spaces)
 
 
 class _MinariTable(Table):
-    def __init__(self, root: Path, dataset: Any, spaces: Any) -> None:
+    def __init__(self, root: Path, dataset: Any) -> None:
         self.where = f"Minari data set {root}"
         self.rate_hz: float | None = None
         self._dataset = dataset
-        found: dict[str, Any] = {ACTIONS: dataset.action_space}
-        if isinstance(dataset.observation_space, spaces.Dict):
-            found |= {f"{OBSERVATIONS}.{key}": part for key, part in dataset.observation_space.spaces.items()}
-        else:
-            found[OBSERVATIONS] = dataset.observation_space
-        self._spaces = {
-            name: space
-            for name, space in found.items()
-            if isinstance(space, spaces.Box) and len(space.shape) == 1
+        first = next(iter(dataset.iterate_episodes()))
+        found: dict[str, Any] = {ACTIONS: first.actions}
+        for kind, parts in ((OBSERVATIONS, first.observations), (INFOS, first.infos or {})):
+            found |= (
+                {f"{kind}.{key}": part for key, part in parts.items()}
+                if isinstance(parts, dict)
+                else {kind: parts}
+            )
+        self._widths = {
+            name: part.shape[1]
+            for name, part in found.items()
+            if isinstance(part, np.ndarray) and part.ndim == 2 and part.dtype.kind in "fiub"
         }
 
     def entry_names(self, feature: str) -> list[str] | None:
@@ -153,23 +161,27 @@ class _MinariTable(Table):
         return None
 
     def width(self, feature: str) -> int:
-        if feature not in self._spaces:
+        if feature not in self._widths:
             raise UserError(
                 f"{self.where}: there is no feature {feature!r} that is a row of numbers; there are "
-                f"{', '.join(self._spaces) or 'none'}"
+                f"{', '.join(self._widths) or 'none'}"
             )
-        return int(self._spaces[feature].shape[0])
+        return int(self._widths[feature])
 
     def episodes(self, features: list[str]) -> list[TableEpisode]:
         found = []
         for episode in self._dataset.iterate_episodes():
             rows = {name: _rows(episode, name) for name in features}
-            facts = {key: _first(values) for key, values in (episode.infos or {}).items() if len(values)}
+            facts = {key: _first(values) for key, values in (episode.infos or {}).items()}
             found.append(TableEpisode(int(episode.id), str(facts.get(LABEL, "")), rows, facts))
         return found
 
     def of_stroke(self, episode: Episode) -> Mapping[str, NDArray[Any]]:
-        return {OBSERVATIONS: episode.observations, ACTIONS: episode.actions}
+        return {
+            OBSERVATIONS: episode.observations,
+            ACTIONS: episode.actions,
+            f"{INFOS}.{JOINT_VELOCITY}": episode.joint_velocity,
+        }
 
 
 def _need_minari() -> tuple[Any, Any]:
@@ -186,16 +198,18 @@ def _infos(stroke: SetStroke) -> dict[str, NDArray[Any]]:
 
     Text is of a fixed length, which they can copy.
     """
-    return {
+    said = {
         key: np.array(
             [value.encode() if isinstance(value, str) else value] * len(stroke.episode.observations)
         )
         for key, value in stroke.facts().items()
     }
+    return {**said, JOINT_VELOCITY: stroke.episode.joint_velocity}
 
 
 def _first(values: Any) -> Any:
-    if isinstance(values, Mapping):
+    """What an info says at the first step; None where that is nested."""
+    if isinstance(values, Mapping) or not np.size(values):
         return None
     value = np.ravel(np.asarray(values))[0]
     return value.decode() if isinstance(value, bytes) else value
