@@ -51,7 +51,7 @@ class Align(StrEnum):
     HOLD = "hold"
     """Of the newest message up to the tick."""
     DIFFERENCE = "difference"
-    """Difference of the two newest different messages up to the tick over their stamps."""
+    """Difference of what `HOLD` takes at this tick and at the one before, over the messages' stamps."""
     NEXT = "next"
     """Interpolated at the tick after this one: what the row's command led to."""
 
@@ -132,17 +132,16 @@ class Columns:
         align = str(told.get("align", usual))
         if align not in tuple(Align):
             raise UserError(f"{where}: align {align!r} is unknown; use {', '.join(Align)}, or leave it out")
+        if place == (BALL_POSITION, POINT) and (unit == "m/s") != (align == Align.DIFFERENCE):
+            other = "align difference" if unit == "m/s" else "another align"
+            raise UserError(f"{where}: unit {unit} goes with {other}")
         joints = tuple(told.get("joints", entries if place[0] == JOINT_STATES else ()))
         if not all(isinstance(joint, str) for joint in joints):
             raise UserError(f"{where}: say with joints which joints entries {list(entries)} are, by name")
-        wanted = len(joints) if place[0] == JOINT_STATES else 3
-        if len(entries) != wanted or (joints and place[0] != JOINT_STATES):
-            wants = (
-                f"one entry for each of {len(joints)} joints"
-                if joints
-                else "three entries x, y, z and no joints"
-            )
-            raise UserError(f"{where}: {len(entries)} entries; give {wants}")
+        if place[0] == JOINT_STATES and len(entries) != len(joints):
+            raise UserError(f"{where}: {len(entries)} entries; give one for each of {len(joints)} joints")
+        if place[0] == BALL_POSITION and (len(entries) != 3 or joints):
+            raise UserError(f"{where}: {len(entries)} entries; give three, x, y and z, and no joints")
         return cls(feature, entries, *place, unit, Align(align), joints)
 
 
