@@ -42,8 +42,9 @@ def aligned(
         for at in (ticks, ticks - round(NANOSECONDS / (CONTRACT.rate_hz or 0.0)))
     )
     if columns.align is Align.HOLD:
-        return values[newest]
-    return (values[newest] - values[before]) / ((stamps[newest] - stamps[before]) / NANOSECONDS)[:, None]
+        return np.asarray(values[newest])
+    since_s = (stamps[newest] - stamps[before]) / NANOSECONDS
+    return np.asarray((values[newest] - values[before]) / since_s[:, None])
 
 
 def test_the_contract_says_what_the_translation_does() -> None:

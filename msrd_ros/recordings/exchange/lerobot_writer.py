@@ -96,12 +96,12 @@ class LeRobotWriter:
     robot_type: str
     features: Mapping[str, Mapping[str, Any]]
     data_file_mb: float = DATA_FILE_MB
-    _tasks: dict[str, int] = field(default_factory=dict)
-    _episodes: list[dict[str, Any]] = field(default_factory=list)
-    _statistics: list[dict[str, Statistics]] = field(default_factory=list)
-    _frames: int = 0
-    _file_index: int = 0
-    _writer: Any = None
+    _tasks: dict[str, int] = field(default_factory=dict, init=False)
+    _episodes: list[dict[str, Any]] = field(default_factory=list, init=False)
+    _statistics: list[dict[str, Statistics]] = field(default_factory=list, init=False)
+    _frames: int = field(default=0, init=False)
+    _file_index: int = field(default=0, init=False)
+    _writer: Any = field(default=None, init=False)
 
     def __enter__(self) -> Self:
         return self

@@ -116,10 +116,10 @@ def test_the_contract_beside_a_data_set_is_a_mapping_of_it(
             if one.start_ns == episode.start_ns
         ]
         assert len(made) == 1 + (label == TWICE)
-        exact = {"rtol": 0.0, "atol": 1e-6 if kind == "lerobot" else 0.0}
+        exact = 1e-6 if kind == "lerobot" else 0.0
         count = len(episode.actions)
-        np.testing.assert_allclose(made[0].joint_position[:count], episode.joint_position[:count], **exact)
-        np.testing.assert_allclose(made[0].ball_position[:count], episode.ball_position[:count], **exact)
+        np.testing.assert_allclose(made[0].joint_position[:count], episode.joint_position[:count], 0.0, exact)
+        np.testing.assert_allclose(made[0].ball_position[:count], episode.ball_position[:count], 0.0, exact)
 
 
 def test_a_data_set_that_was_changed_is_not_taken_for_its_bags(copy: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -51,7 +52,8 @@ def pictures(root: Path, number: int) -> NDArray[np.uint8]:
     """All pictures of a file."""
     with av.open(str(root / "videos" / FEATURE / "chunk-000" / f"file-{number:03d}.mp4")) as container:
         stream = container.streams.video[0]
-        assert (stream.codec_context.name, stream.average_rate) == ("h264", RATE_HZ)
+        assert stream.codec_context.name == "h264"
+        assert stream.average_rate == Fraction(RATE_HZ)
         return np.stack([frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)])
 
 

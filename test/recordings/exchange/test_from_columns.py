@@ -61,7 +61,7 @@ def strange(stroke: Episode, tmp_path_factory: pytest.TempPathFactory) -> Path:
     root.mkdir()
     state = np.degrees(np.column_stack([stroke.joint_position[:, 0] * 0.0, stroke.joint_position[:, ::-1]]))
     ball = np.column_stack([np.ones(len(state)), 1e3 * stroke.ball_position])
-    features = {
+    features: dict[str, dict[str, Any]] = {
         "observation.state": {"dtype": "float64", "shape": [len(MOTORS)], "names": MOTORS},
         "observation.ball": {"dtype": "float64", "shape": [4], "names": None},
     }
