@@ -7,6 +7,7 @@ Source: lerobot 0.4.4, `lerobot.datasets.lerobot_dataset`. Rows of all episodes 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,6 @@ INFO_FILE, TASKS_FILE, EPISODES_FOLDER, DATA_FOLDER = (
 INDEX_COLUMN = "__index_level_0__"
 """Where pandas keeps the tasks' texts, which are the rows' names."""
 PICTURES = ("image", "video")
-_PARQUET = b"PAR1"
 _LFS_POINTER = b"version https://git-lfs"
 
 
@@ -88,6 +88,8 @@ class LeRobotFiles:
                 dict(info["features"]),
             )
             shapes = [tuple(map(int, feature["shape"])) for feature in features.values()]
+            if not 0.0 < rate_hz < math.inf:
+                raise ValueError(f"fps is {rate_hz:g}")
             kinds = [str(feature["dtype"]) for feature in features.values()]
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise UserError(
@@ -185,6 +187,8 @@ class LeRobotFiles:
     def _tasks(self) -> dict[int, str]:
         table = _read(self.root / TASKS_FILE)
         texts = [name for name in table.column_names if name != "task_index"]
+        if not texts or "task_index" not in table.column_names:
+            raise UserError(f"LeRobot data set {self.root}: {TASKS_FILE} holds no tasks; copy it again")
         column = INDEX_COLUMN if INDEX_COLUMN in texts else texts[0]
         return dict(zip(table["task_index"].to_pylist(), map(str, table[column].to_pylist()), strict=True))
 
@@ -218,7 +222,8 @@ def need_pyarrow() -> Any:
 def _read(file: Path, columns: list[str] | None = None) -> Any:
     arrow = need_pyarrow()
     try:
-        head = file.open("rb").read(len(_LFS_POINTER))
+        with file.open("rb") as stream:
+            head = stream.read(len(_LFS_POINTER))
         if head == _LFS_POINTER:
             raise UserError(f"{file}: is a pointer of Git LFS, not the file; run: git lfs pull")
         return arrow.parquet.read_table(file, columns=columns)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
@@ -81,6 +82,7 @@ def keep_beside(root: Path, strokes: StrokeSet, contract: DataContract) -> None:
     """
     folder = root / FOLDER
     folder.mkdir()
+    counts = Counter(stroke.bag for stroke in strokes.strokes)
     kept = []
     for name, path in strokes.bags.items():
         target = folder / BAGS / name
@@ -92,8 +94,7 @@ def keep_beside(root: Path, strokes: StrokeSet, contract: DataContract) -> None:
             for file in path.iterdir():
                 if file.is_file() and not file.name.startswith("."):
                     shutil.copyfile(file, target / file.name)
-        count = sum(stroke.bag == name for stroke in strokes.strokes)
-        kept.append(KeptBag(name, _sums(target), count, strokes.refused.get(name, "")))
+        kept.append(KeptBag(name, _sums(target), counts[name], strokes.refused.get(name, "")))
     write_synced(folder / CONTRACT_FILE, contract.to_yaml().encode())
     index = {
         FORMAT_KEY: BESIDE_FORMAT,

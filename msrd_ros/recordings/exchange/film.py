@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 
@@ -20,7 +21,7 @@ _OPTIONS = {"g": "2", "crf": "23"}
 
 
 class Film:
-    """Draws and encodes the pictures of one stroke after the other.
+    """Draws and encodes the pictures of one stroke after the other; files are whole when it is left.
 
     Parameters
     ----------
@@ -95,7 +96,12 @@ class Film:
         from_s, to_s = begin / self._rate_hz, self._frames / self._rate_hz
         return EpisodeVideo(FEATURE, self._file_index, from_s, to_s, picture_statistics(frames))
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """Finish the last file, and leave the simulator."""
         if self._container is not None:
             self._finish_file()

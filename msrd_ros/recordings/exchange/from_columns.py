@@ -72,7 +72,7 @@ def make_strokes(table: Table, contract: DataContract, robot: Robot, where: str)
     rate_hz = _rate_hz(table, contract, where)
     for episode in table.episodes(list(dict.fromkeys(columns.feature for columns in samples))):
         label = _label(episode, contract, f"{table.where}: episode {episode.number}", where)
-        subject = contract.subject or str(episode.facts.get("subject", ""))
+        subject = contract.subject or str(episode.facts.get("subject") or "")
         if not subject:
             raise UserError(f"{where}: lacks subject, and the data set does not say who showed its strokes")
         values = {
@@ -161,10 +161,11 @@ def _values(episode: TableEpisode, columns: Columns, places: list[int], robot: R
 def _stamps(
     episode: TableEpisode, values: Mapping[tuple[str, str], Array], rate_hz: float
 ) -> NDArray[np.int64]:
-    start_ns = int(episode.facts.get("start_ns", _BEGIN_NS))
+    told = episode.facts.get("start_ns")
+    start_ns = int(told) if isinstance(told, int | np.integer) and told > 0 else _BEGIN_NS
     count = min(map(len, values.values()))
     since_ns = np.round(np.arange(count) / rate_hz * NANOSECONDS).astype(np.int64)
-    return np.asarray((start_ns if start_ns > 0 else _BEGIN_NS) + since_ns)
+    return np.asarray(start_ns + since_ns)
 
 
 def _messages(

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from msrd_ros.contract.columns import DataContract, stroke_contract
-from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import say_label
 from msrd_ros.learning.lerobot_files import LeRobotFiles
+from msrd_ros.recordings.exchange.film import Film
 from msrd_ros.recordings.exchange.lerobot_writer import LeRobotWriter
 from msrd_ros.recordings.exchange.stroke_set import StrokeSet, state_rows
 from msrd_ros.recordings.exchange.table import Table, TableEpisode
@@ -33,19 +36,17 @@ def write_lerobot(root: Path, strokes: StrokeSet, name: str, video: bool) -> Non
         Draw the simulator's picture of every row: from recorded joints and ball, not of a camera.
     """
     contract = stroke_contract(strokes.robot)
+    rate_hz = round(1.0 / CONTROL_PERIOD_S)
     features = {name: _feature(contract, name) for name in stroke_rows(strokes.strokes[0].episode)}
-    if video:
-        from msrd_ros.recordings.exchange.film import Film
-
-        film: Any = Film(root, strokes.robot, round(contract.rate_hz or 0.0))
-        features[film.feature] = film.description
-    rate_hz = round(contract.rate_hz or 0.0)
-    with LeRobotWriter(root, rate_hz, strokes.robot.name, features) as writer:
-        for stroke in strokes.strokes:
-            shown = film.add(stroke.episode) if video else None
-            writer.add(say_label(stroke.episode.label), stroke_rows(stroke.episode), stroke.facts(), shown)
+    with ExitStack() as stack:
+        film: Film | None = None
         if video:
-            film.close()
+            film = stack.enter_context(Film(root, strokes.robot, rate_hz))
+            features[film.feature] = film.description
+        writer = stack.enter_context(LeRobotWriter(root, rate_hz, strokes.robot.name, features))
+        for stroke in tqdm(strokes.strokes, "strokes drawn", disable=not video):
+            shown = film.add(stroke.episode) if film is not None else None
+            writer.add(say_label(stroke.episode.label), stroke_rows(stroke.episode), stroke.facts(), shown)
 
 
 def stroke_rows(episode: Episode) -> dict[str, NDArray[np.float32]]:

@@ -62,7 +62,7 @@ def test_all_bags_come_back_byte_for_byte(
     assert set(done.bags) == {*GOOD, REFUSED, DAMAGED, LONE, LONG}
     assert done.refused.keys() == {REFUSED, DAMAGED}
     assert "is the joint frozen?" in done.refused[REFUSED]
-    assert import_bags(data_set, tmp_path / "back", kind).bags == len(done.bags)
+    assert import_bags(data_set, tmp_path / "back", kind, ROBOT.folder).bags == len(done.bags)
     assert contents(tmp_path / "back") == contents(bags)
 
 

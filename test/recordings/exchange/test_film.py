@@ -42,10 +42,8 @@ def _part(episode: Episode, begin: int) -> Episode:
 
 def film(root: Path, strokes: list[Episode], file_mb: float) -> list[EpisodeVideo]:
     """Film the strokes."""
-    camera = Film(root, ROBOT, RATE_HZ, file_mb)
-    told = [camera.add(stroke) for stroke in strokes]
-    camera.close()
-    return told
+    with Film(root, ROBOT, RATE_HZ, file_mb) as camera:
+        return [camera.add(stroke) for stroke in strokes]
 
 
 def pictures(root: Path, number: int) -> NDArray[np.uint8]:
