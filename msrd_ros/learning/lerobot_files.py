@@ -163,7 +163,7 @@ class LeRobotFiles:
         tables = [_read(file, [*wanted, "episode_index", "task_index"]) for file in self._files(DATA_FOLDER)]
         numbers = np.concatenate([table["episode_index"].to_numpy() for table in tables])
         task_of = np.concatenate([table["task_index"].to_numpy() for table in tables])
-        rows = {name: np.concatenate([_matrix(table[name]) for table in tables]) for name in wanted}
+        rows = {name: np.concatenate([self._numbers(table, name) for table in tables]) for name in wanted}
         found = []
         for facts in sorted(told, key=lambda row: int(row["episode_index"])):
             number = int(facts["episode_index"])
@@ -183,6 +183,10 @@ class LeRobotFiles:
                 LeRobotEpisode(number, tasks[task], {name: part[mine] for name, part in rows.items()}, kept)
             )
         return found
+
+    def _numbers(self, table: Any, feature: str) -> NDArray[Any]:
+        (width,) = self.features[feature]["shape"]
+        return _matrix(table[feature], width, f"LeRobot data set {self.root}: {feature}")
 
     def _tasks(self) -> dict[int, str]:
         table = _read(self.root / TASKS_FILE)
@@ -232,9 +236,11 @@ def _read(file: Path, columns: list[str] | None = None) -> Any:
         raise UserError(f"{file}: is not readable ({reason}); copy the data set again") from None
 
 
-def _matrix(column: Any) -> NDArray[Any]:
+def _matrix(column: Any, width: int, where: str) -> NDArray[Any]:
     """A column of numbers, or of equally long lists of numbers, as shape (rows, width)."""
-    if not hasattr(column.type, "value_type"):
-        return np.asarray(column.to_numpy())[:, None]
-    flat = np.concatenate([np.asarray(chunk.flatten()) for chunk in column.chunks])
-    return flat.reshape(len(column), -1)
+    lists = hasattr(column.type, "value_type")
+    chunks = [np.asarray(chunk.flatten() if lists else chunk) for chunk in column.chunks if len(chunk)]
+    flat = np.concatenate(chunks) if chunks else np.zeros(0)
+    if flat.size != len(column) * width or flat.dtype.kind not in "fiub":
+        raise UserError(f"{where}: rows are not {width} numbers each, as {INFO_FILE} says; copy it again")
+    return flat.reshape(len(column), width)

@@ -149,6 +149,14 @@ def test_what_another_version_wrote_is_refused(tmp_path: Path, key: str, value: 
         demonstrations_from_lerobot(folder)
 
 
+def test_rows_of_another_width_are_refused(tmp_path: Path) -> None:
+    info = json.loads((WRITTEN_BY_LEROBOT / "meta" / "info.json").read_text(encoding="utf-8"))
+    info["features"]["action"]["shape"] = [4]
+    folder = broken(tmp_path, "meta/info.json", json.dumps(info).encode())
+    with pytest.raises(UserError, match="action: rows are not 4 numbers each"):
+        demonstrations_from_lerobot(folder)
+
+
 def test_rows_that_are_missing_are_counted(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     folder = Path(shutil.copytree(WRITTEN_BY_LEROBOT, tmp_path / "torn"))

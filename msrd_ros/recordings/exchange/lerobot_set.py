@@ -37,7 +37,7 @@ def write_lerobot(root: Path, strokes: StrokeSet, name: str, video: bool) -> Non
     """
     contract = stroke_contract(strokes.robot)
     rate_hz = round(1.0 / CONTROL_PERIOD_S)
-    features = {name: _feature(contract, name) for name in stroke_rows(strokes.strokes[0].episode)}
+    features = {key: _feature(contract, key) for key in stroke_rows(strokes.strokes[0].episode)}
     with ExitStack() as stack:
         film: Film | None = None
         if video:

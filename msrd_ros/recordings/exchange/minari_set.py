@@ -131,7 +131,7 @@ def read_minari(root: Path) -> Table:
     try:
         dataset = minari.MinariDataset(root / DATA_FOLDER)
         return _MinariTable(root, dataset)
-    except (OSError, ValueError, KeyError, AssertionError, StopIteration) as error:
+    except (OSError, ValueError, KeyError, AssertionError, StopIteration, ImportError) as error:
         raise UserError(
             f"Minari data set {root}: is not readable ({error}); give the folder that holds {DATA_FOLDER}/"
         ) from None
