@@ -13,6 +13,7 @@ from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.data_sets import demonstrations_from_minari
 from msrd_ros.recordings.demonstrations import load_strokes
 from msrd_ros.recordings.exchange.exporting import export_bags
+from msrd_ros.recordings.exchange.importing import import_columns
 from msrd_ros.recordings.exchange.minari_set import read_minari
 from sawyer import ROBOT
 
@@ -51,3 +52,8 @@ def test_combined_sets_keep_what_is_said_of_strokes(names: list[str], tmp_path: 
     told = [(one.facts["subject"], one.task, one.facts["outcome"]) for one in table.episodes(["actions"])]
     assert told == [(subject, bag.partition("_")[0], "returned") for subject in SUBJECTS for bag in BAGS]
     assert demonstrations_from_minari("both-v0").layout.labels == ("backhand-slice", "forehand-push")
+    mapping = tmp_path / "sets" / names[0] / "msrd_ros" / "contract.yaml"
+    done = import_columns(tmp_path / "sets" / "both-v0", tmp_path / "made", "minari", mapping)
+    assert (done.bags, done.refused) == (len(told), ())
+    for subject in SUBJECTS:
+        assert sorted(path.name for path in (tmp_path / "made" / subject).iterdir()) == sorted(BAGS)

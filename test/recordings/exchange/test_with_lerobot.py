@@ -92,6 +92,19 @@ def test_what_it_splits_off_is_imported_by_the_contract(root: Path, tmp_path: Pa
     assert len(demonstrations_from_lerobot(tmp_path / "less").layout.labels) == 6
 
 
+def test_it_merges_data_sets_and_strokes_keep_their_labels(root: Path, tmp_path: Path) -> None:
+    from lerobot.datasets.dataset_tools import merge_datasets
+
+    other = tmp_path / "other"
+    export_bags(shipped_bags() / "subject_02", other, "lerobot", default_robot(), {})
+    merged = merge_datasets([load(root), load(other)], "msrd/both", tmp_path / "both")
+    assert merged.num_episodes == 36
+    assert set(merged.meta.episodes["subject"]) == {SUBJECT, "subject_02"}
+    found = demonstrations_from_lerobot(tmp_path / "both", label="label")
+    assert len(found.layout.labels) == 6
+    assert found.observations.shape[1] == 6
+
+
 def test_pictures_are_decoded(tmp_path: Path) -> None:
     bag = shipped_bags() / SUBJECT / "forehand-push_001"
     export_bags(bag, tmp_path / "film", "lerobot", default_robot(), {}, video=True)
