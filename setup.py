@@ -53,8 +53,9 @@ SIMULATION = [
     "pybullet>=3.2.6",
     "tensorboard>=2.15",
 ]
-# Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
-DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
+# Minari needs NumPy 2; beside a ROS installation its data sets cannot be read. It does not say that its storage
+# needs Pillow.
+DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1", "pillow>=10.1"]
 # LeRobot itself is not needed: its data sets are parquet files and videos. Pyarrow 19.0.0 fails at new ones.
 LEROBOT = ["av>=15.0.0", "pyarrow>=19.0.1"]
 # Not gymnasium's own extra: before 1.2.3 it compiles Box2D. Without pygame none of its worlds loads.
