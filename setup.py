@@ -53,8 +53,8 @@ SIMULATION = [
     "pybullet>=3.2.6",
     "tensorboard>=2.15",
 ]
-# Minari needs NumPy 2; beside a ROS installation its data sets cannot be read. That its storage needs Pillow it
-# does not say.
+# Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
+# Its storage needs Pillow, and does not say so.
 DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1", "pillow>=10.1"]
 # LeRobot itself is not needed: its data sets are parquet files and videos. Pyarrow 19.0.0 fails at new ones.
 LEROBOT = ["av>=15.0.0", "pyarrow>=19.0.1"]
