@@ -9,10 +9,13 @@ from edited_bags import messages_of, write_edited, write_mcap
 from libraries import copy_of
 from msrd_ros.bags.metadata import METADATA_FILE
 from msrd_ros.bags.writer import write_bag
+from msrd_ros.recordings.exchange.stroke_set import StrokeSet
 from synthetic_strokes import START_NS, at_root, stroke_messages, topics_of
 
 GOOD = ("subject_01/backhand-slice_001", "subject_01/forehand-push_001")
 REFUSED, DAMAGED, LONE, LONG = "odd/frozen", "odd/damaged", "odd/lone.mcap", "odd/long"
+Exported = dict[str, tuple[Path, StrokeSet]]
+"""By kind: a data set's folder, and what it was said to hold."""
 STROKES = 5
 """Accepted ones: a stroke each of `GOOD` and `LONE`, two of `LONG`."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.exchange.beside import keep_beside
 from msrd_ros.recordings.exchange.kinds import KINDS, whole_or_absent
 from msrd_ros.recordings.exchange.stroke_set import StrokeSet, read_stroke_set
@@ -38,9 +39,13 @@ def export_bags(
     Raises
     ------
     UserError
-        If nothing is accepted, the target exists or cannot be written, the kind holds no pictures, or a
-        library is not installed.
+        If nothing is accepted, the target exists, lies in `folder` or cannot be written, the kind holds no
+        pictures, or a library is not installed.
     """
+    if target.resolve().is_relative_to(folder.resolve()):
+        raise UserError(
+            f"{target}: lies in {folder}, whose strokes would count twice from then on; name a folder elsewhere"
+        )
     strokes = read_stroke_set(folder, robot, names)
     with whole_or_absent(target) as aside:
         KINDS[kind].write(aside, strokes, target.name, video)

@@ -11,18 +11,15 @@ import pyarrow
 import pyarrow.parquet as parquet
 import pytest
 
-from exchanged_bags import DAMAGED, GOOD, LONE, LONG, REFUSED, STROKES, mixed_folder, without_bags
+from exchanged_bags import DAMAGED, GOOD, LONE, LONG, REFUSED, STROKES, Exported, without_bags
 from libraries import contents
 from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.columns import DataContract
 from msrd_ros.contract.labels import say_label
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.lerobot_files import LeRobotFiles
 from msrd_ros.recordings.episodes import read_episodes
-from msrd_ros.recordings.exchange.exporting import export_bags
 from msrd_ros.recordings.exchange.importing import import_bags, import_columns
 from msrd_ros.recordings.exchange.kinds import KINDS
-from msrd_ros.recordings.exchange.stroke_set import StrokeSet
 from sawyer import ROBOT
 
 DATA = Path("data", "chunk-000", "file-000.parquet")
@@ -33,32 +30,14 @@ EXACT = {"lerobot": 1e-4, "minari": 0.0}
 INDEX = Path("msrd_ros", "bags.json")
 
 
-@pytest.fixture(scope="module")
-def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with bags of all sorts."""
-    return mixed_folder(tmp_path_factory.mktemp("exchange") / "bags")
-
-
-@pytest.fixture(scope="module")
-def exported(bags: Path) -> dict[str, tuple[Path, StrokeSet]]:
-    """A data set of each kind, and what it was said to hold."""
-    found = {}
-    for kind in KINDS:
-        target = bags.parent / kind / "strokes-v0"
-        found[kind] = target, export_bags(bags, target, kind, ROBOT, {})
-    return found
-
-
 @pytest.fixture
-def copy(exported: dict[str, tuple[Path, StrokeSet]], tmp_path: Path) -> Path:
+def copy(exported: Exported, tmp_path: Path) -> Path:
     """A LeRobot data set to change."""
     return Path(shutil.copytree(exported["lerobot"][0], tmp_path / "copy"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_all_bags_come_back_byte_for_byte(
-    kind: str, bags: Path, exported: dict[str, tuple[Path, StrokeSet]], tmp_path: Path
-) -> None:
+def test_all_bags_come_back_byte_for_byte(kind: str, bags: Path, exported: Exported, tmp_path: Path) -> None:
     data_set, done = exported[kind]
     assert len(done.strokes) == STROKES
     assert set(done.bags) == {*GOOD, REFUSED, DAMAGED, LONE, LONG}
@@ -68,36 +47,9 @@ def test_all_bags_come_back_byte_for_byte(
     assert contents(tmp_path / "back") == contents(bags)
 
 
-def test_rows_are_what_learning_sees(bags: Path, exported: dict[str, tuple[Path, StrokeSet]]) -> None:
-    names = ["observation.state", "observation.environment_state", "action", "joint_velocity"]
-    found = LeRobotFiles.open(exported["lerobot"][0]).episodes(names)
-    assert len(found) == STROKES
-    by_bag = {(one.facts["bag"], one.facts["stroke"]): one for one in found}
-    for path in (*GOOD, LONE, LONG):
-        for number, episode in enumerate(read_episodes(Bag(bags / path))):
-            rows, facts = by_bag[path, number].rows, by_bag[path, number].facts
-            count = len(episode.actions)
-            seen = np.concatenate([rows["observation.state"], rows["observation.environment_state"]], axis=1)
-            assert np.array_equal(seen, episode.observations[:count].astype(np.float32))
-            assert np.array_equal(rows["action"], episode.actions.astype(np.float32))
-            assert np.array_equal(rows["joint_velocity"], episode.joint_velocity[:count].astype(np.float32))
-            assert facts["start_ns"] == episode.start_ns
-            assert episode.outcome is None or facts["outcome"] == episode.outcome.message
-            assert (facts["subject"], facts["label"]) == (episode.subject, str(episode.label or ""))
-            assert by_bag[path, number].task == (episode.label or "unlabelled")
-
-
-def test_features_have_names_and_units(exported: dict[str, tuple[Path, StrokeSet]]) -> None:
-    features = LeRobotFiles.open(exported["lerobot"][0]).features
-    assert features["observation.state"]["names"] == list(ROBOT.joint_names)
-    assert features["observation.state"]["units"] == ["rad"] * ROBOT.joint_count
-    assert features["observation.environment_state"]["units"] == ["m"] * 3 + ["m/s"] * 3
-    assert features["action"]["units"] == ["speed_fraction"] * ROBOT.joint_count
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_contract_beside_a_data_set_is_a_mapping_of_it(
-    kind: str, exported: dict[str, tuple[Path, StrokeSet]], tmp_path: Path
+    kind: str, exported: Exported, tmp_path: Path
 ) -> None:
     data_set, done = exported[kind]
     mapping = data_set / "msrd_ros" / "contract.yaml"
@@ -185,17 +137,3 @@ def test_what_lies_beside_is_checked(
 def test_without_bags_a_mapping_is_asked_for(copy: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"no bags are kept beside it .*--mapping"):
         import_bags(without_bags(copy, tmp_path / "bare"), tmp_path / "back", "lerobot")
-
-
-def test_nothing_is_written_over_and_nothing_is_left_half(bags: Path, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="exists; name a folder that does not"):
-        export_bags(bags, tmp_path, "lerobot", ROBOT, {})
-    with pytest.raises(UserError, match="leave out --video"):
-        export_bags(bags, tmp_path / "new-v0", "minari", ROBOT, {}, video=True)
-    with pytest.raises(UserError, match="is no name of a Minari data set"):
-        export_bags(bags, tmp_path / "new", "minari", ROBOT, {})
-    with pytest.raises(UserError, match=r"no stroke is accepted; frozen: joint_velocity"):
-        export_bags(bags / REFUSED, tmp_path / "new", "lerobot", ROBOT, {})
-    with pytest.raises(UserError, match="does not exist"):
-        export_bags(tmp_path / "none", tmp_path / "new", "lerobot", ROBOT, {})
-    assert not list(tmp_path.iterdir())
