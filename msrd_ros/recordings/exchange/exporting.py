@@ -44,7 +44,7 @@ def export_bags(
     """
     if target.resolve().is_relative_to(folder.resolve()):
         raise UserError(
-            f"{target}: lies in {folder}, whose strokes would count twice from then on; name a folder elsewhere"
+            f"{target}: lies in {folder}, whose strokes would count twice then; name a folder elsewhere"
         )
     strokes = read_stroke_set(folder, robot, names)
     with whole_or_absent(target) as aside:
