@@ -16,6 +16,8 @@ BIN := $(VENV)/bin
 PYTEST = $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadgroup
 STAMP := $(VENV)/.complete
 LOWEST := .venv-lowest
+LEROBOT := .venv-lerobot
+LEROBOT_PYTHON ?= python3.11
 
 # A sourced ROS installation or another environment would mix its libraries with this one's.
 unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
@@ -26,7 +28,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo studio test suite test-fast test-lowest coverage campaign soak docs lint format dist clean
+.PHONY: help venv demo studio test suite test-fast test-lowest test-lerobot coverage campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -71,6 +73,18 @@ test-fast: $(STAMP)  ## Run the tests that take seconds: no processes, no studie
 test-lowest:  ## Run all tests at the lowest versions that setup.py allows, in an environment of their own
 	$(MAKE) VENV=$(LOWEST) CONSTRAINTS=constraints-lowest.txt suite
 
+test-lerobot: $(LEROBOT)/.complete  ## Hold exported data sets against LeRobot, in an environment of its own with 9 GB
+	HF_HUB_OFFLINE=1 HF_HOME=$(CURDIR)/$(LEROBOT)/cache $(LEROBOT)/bin/python -m pytest --noconftest $(PYTEST_ARGS) \
+		test/recordings/exchange/test_with_lerobot.py
+
+# Without PIP_ARGS: an index of CPU-only torch builds would bring one that torchvision does not load beside.
+$(LEROBOT)/.complete: setup.py constraints-lerobot.txt
+	$(LEROBOT_PYTHON) -m venv $(LEROBOT)
+	@echo '*' > $(LEROBOT)/.gitignore
+	$(LEROBOT)/bin/python -m pip install --disable-pip-version-check --constraint constraints-lerobot.txt \
+		--editable '.[lerobot,sim]' lerobot pytest pytest-timeout
+	@touch $@
+
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
 	$(PYTEST) --cov --cov-report term:skip-covered $(PYTEST_ARGS)
 
@@ -97,4 +111,4 @@ dist: $(STAMP)  ## Build wheel and source distribution into dist/
 clean:  ## Remove the environments, caches and builds; out/ and runs/ stay
 	rm -rf build dist install log msrd_ros.egg-info .coverage .coverage.* .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -not -path './.git/*' -not -path './.venv*' -prune -exec rm -rf {} +
-	for made in $(VENV) $(LOWEST); do test ! -e $$made/pyvenv.cfg || rm -rf $$made; done
+	for made in $(VENV) $(LOWEST) $(LEROBOT); do test ! -e $$made/pyvenv.cfg || rm -rf $$made; done

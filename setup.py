@@ -54,7 +54,10 @@ SIMULATION = [
     "tensorboard>=2.15",
 ]
 # Minari needs NumPy 2; beside a ROS installation its data sets cannot be read.
-DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1"]
+# Its storage needs Pillow, and does not say so.
+DATA_SETS = [] if os.environ.get("ROS_DISTRO") else ["minari[hdf5]>=0.5.1", "pillow>=10.1"]
+# LeRobot itself is not needed: its data sets are parquet files and videos. Pyarrow 19.0.0 fails at new ones.
+LEROBOT = ["av>=15.0.0", "pyarrow>=19.0.1"]
 # Not gymnasium's own extra: before 1.2.3 it compiles Box2D. Without pygame none of its worlds loads.
 EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0", "pygame-ce>=2.4.0"]
 STUDIES = [*SIMULATION, *EXAMPLES, "gymnasium[mujoco]>=1.0", "mujoco>=3.2.7"]
@@ -112,16 +115,18 @@ setup(
         "sim": SIMULATION,
         "studies": STUDIES,
         "minari": DATA_SETS,
+        "lerobot": LEROBOT,
         "examples": EXAMPLES,
         "studio": STUDIO,
         "docs": DOCUMENTS,
-        "all": [*ROS, *STUDIES, *DATA_SETS, *EXAMPLES, *STUDIO],
+        "all": [*ROS, *STUDIES, *DATA_SETS, *LEROBOT, *EXAMPLES, *STUDIO],
         "test": [
             "build>=1.2.1",
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",
             "mcap-ros2-support>=0.5.2",
             *DATA_SETS,
+            *LEROBOT,
             *EXAMPLES,
             "mypy>=1.11",
             "packaging>=23",

@@ -23,10 +23,10 @@ EXTRAS: dict[str, set[str]] = {
     "core/compiled.py": {"sim"},
     "contract": set(),
     "bags": set(),
-    "learning": {"examples", "minari"},
+    "learning": {"examples", "lerobot", "minari"},
     "robots": {"sim"},
     "table_tennis": {"sim"},
-    "recordings": set(),
+    "recordings": {"lerobot", "minari"},
     "reports": {"sim"},
     "nodes": {"ros", "sim"},
     "explain": {"sim"},
@@ -41,8 +41,11 @@ EXTRAS: dict[str, set[str]] = {
 BASE_ROOMS = ("core", "contract", "bags", "learning", "recordings")
 NONE_OLDER = {"box2d", "colcon-common-extensions", "ros-jazzy-common-interfaces", "ros-jazzy-rclpy"}
 """Distributions of which the lock's version is the oldest with a wheel."""
-ELSEWHERE = {"imitation", "sb3_contrib", "stable_baselines3"}
-"""What one benchmark compares with, in an environment of its own."""
+ELSEWHERE = {
+    "benchmarks": {"imitation", "sb3_contrib", "stable_baselines3"},
+    "test": {"lerobot"},
+}
+"""What one benchmark compares with, and one test holds our files against, in environments of their own."""
 
 MODULES = {"torch.utils.tensorboard": "tensorboard"}
 """Modules that another distribution than their own has to be there for."""
@@ -148,7 +151,7 @@ def test_every_room_is_listed() -> None:
 def test_tests_and_benchmarks_import_what_make_venv_installs(
     folder: str, declared: dict[str, set[str]], ros: set[str]
 ) -> None:
-    allowed = set().union(*declared.values(), ELSEWHERE if folder == "benchmarks" else set())
+    allowed = set().union(*declared.values(), ELSEWHERE.get(folder, set()))
     found = undeclared(CHECKOUT / folder, {normal(name) for name in allowed}, ros, True)
     assert not found, "\n".join(found)
 
@@ -156,7 +159,7 @@ def test_tests_and_benchmarks_import_what_make_venv_installs(
 def test_nothing_is_declared_in_vain(declared: dict[str, set[str]]) -> None:
     places = [CHECKOUT / PACKAGE, *(CHECKOUT / PACKAGE / name for name in EXTRAS if name.endswith(".py"))]
     used = {name for place in places for module, _ in imported(place) for name in distributions(module)}
-    asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari")))
+    asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari", "lerobot")))
     # Gymnasium's own worlds are in "studies" as well; it is Gymnasium that imports what they stand on.
     assert asked - used - declared["examples"] == set()
 

@@ -80,6 +80,8 @@ class Episode:
         What became of the ball, if a referee said so; for reports, never an input to learning.
     robot
         Whose joints they are, N of them.
+    start_ns
+        Stamp of the first row, by the clock of the messages; None where there were none.
     """
 
     label: StrategyLabel | None
@@ -91,6 +93,7 @@ class Episode:
     source: str = ""
     outcome: Outcome | None = None
     robot: Robot = field(default_factory=default_robot)
+    start_ns: int | None = None
 
     @property
     def strategy(self) -> StrategyLabel:

@@ -192,6 +192,7 @@ class EpisodeAssembler:
             self._source,
             self._outcome,
             self._robot,
+            start,
         )
 
     def _launch_ns(self, joint_times: NDArray[np.int64]) -> int:

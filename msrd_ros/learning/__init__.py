@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from msrd_ros.core.errors import UserError
     from msrd_ros.learning.config import MSRDConfig
-    from msrd_ros.learning.demonstration_sets import (
-        demonstrations_from_arrays,
-        demonstrations_from_minari,
-    )
+    from msrd_ros.learning.data_sets import demonstrations_from_lerobot, demonstrations_from_minari
+    from msrd_ros.learning.demonstration_sets import demonstrations_from_arrays
     from msrd_ros.learning.discovery.discover import discover, discovered
     from msrd_ros.learning.discovery.recheck import Recheck, recheck
     from msrd_ros.learning.discovery.result import Discovery
@@ -54,6 +52,7 @@ __all__ = [
     "UserError",
     "default_config",
     "demonstrations_from_arrays",
+    "demonstrations_from_lerobot",
     "demonstrations_from_minari",
     "discover",
     "discovered",
@@ -84,7 +83,8 @@ _HOMES = {
     "Rollouts": "trajectories",
     "default_config": "recipe",
     "demonstrations_from_arrays": "demonstration_sets",
-    "demonstrations_from_minari": "demonstration_sets",
+    "demonstrations_from_lerobot": "data_sets",
+    "demonstrations_from_minari": "data_sets",
     "discover": "discovery.discover",
     "discovered": "discovery.discover",
     "example_demonstrations": "examples",

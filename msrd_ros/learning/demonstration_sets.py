@@ -1,10 +1,9 @@
-"""Demonstrations from arrays and from Minari data sets, checked before anything is learned from them."""
+"""Demonstrations from arrays, checked before anything is learned from them."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +12,6 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.learning.alignment import better_shift
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.trajectories import UNLABELLED, Demonstrations
-
-if TYPE_CHECKING:
-    import minari
 
 ROOM_AFTER_THE_LAST = 1.25
 """Where episodes end, the horizon over the longest demonstration: so that every end is seen from behind."""
@@ -83,54 +79,6 @@ def demonstrations_from_arrays(
         warnings.warn(_shift_text(shift), stacklevel=2)
     known = [UNLABELLED if label is None else label for label in labels]
     return _stack(seen, done, known, ended, names, action_columns, control_period_s)
-
-
-def demonstrations_from_minari(
-    dataset: str | minari.MinariDataset,
-    label: str | Callable[[Any], str] = "label",
-    observation_names: Sequence[str] = (),
-    action_names: Sequence[str] = (),
-    control_period_s: float = 1.0,
-) -> Demonstrations:
-    """Demonstrations from a Minari data set on this machine.
-
-    Parameters
-    ----------
-    dataset
-        The data set or its name.
-    label
-        Key of an episode's ``infos`` that holds its strategy (text, the same in every step), or a function
-        of the episode.
-    observation_names, action_names, control_period_s
-        As of `demonstrations_from_arrays`; dictionaries of observations are flattened.
-
-    Raises
-    ------
-    UserError
-        If there is no such data set, Minari is not installed, an episode has no label, and as
-        `demonstrations_from_arrays`.
-    """
-    try:
-        import minari
-        from gymnasium import spaces
-    except ImportError as error:
-        raise UserError(f"{error.name} is not installed; pip install 'msrd_ros[minari]'") from None
-    if isinstance(dataset, str):
-        try:
-            dataset = minari.load_dataset(dataset)
-        except (FileNotFoundError, ValueError) as error:
-            raise UserError(f"Minari data set {dataset!r}: {error}") from None
-    observation_space, action_space = dataset.observation_space, dataset.action_space
-    episodes = list(dataset.iterate_episodes())
-    return demonstrations_from_arrays(
-        [_flat(spaces, observation_space, episode.observations) for episode in episodes],
-        [_flat(spaces, action_space, episode.actions) for episode in episodes],
-        [label(episode) if callable(label) else _info_label(episode, label) for episode in episodes],
-        [bool(episode.terminations[-1]) for episode in episodes],
-        observation_names,
-        action_names,
-        control_period_s,
-    )
 
 
 def _table(what: str, array: ArrayLike) -> NDArray[np.float64]:
@@ -259,29 +207,3 @@ def _stack(
 
 def _numbered(kind: str, width: int) -> tuple[str, ...]:
     return tuple(f"{kind}_{index}" for index in range(width))
-
-
-def _info_label(episode: Any, key: str) -> str:
-    infos = episode.infos or {}
-    if key not in infos:
-        known = ", ".join(infos) or "none"
-        raise UserError(
-            f"episode {episode.id}: no label {key!r} in its infos (there: {known}); say label=KEY or a "
-            "function"
-        )
-    value = np.ravel(np.asarray(infos[key]))[0]
-    return value.decode() if isinstance(value, bytes) else str(value)
-
-
-def _flat(spaces: Any, space: Any, values: Any) -> NDArray[np.float64]:
-    """Dictionaries and several axes to columns, in the order of Gymnasium's `flatten`."""
-    if isinstance(space, spaces.Dict):
-        parts = [_flat(spaces, part, values[key]) for key, part in space.spaces.items()]
-        return np.concatenate(parts, axis=1)
-    if isinstance(space, spaces.Tuple):
-        parts = [_flat(spaces, part, value) for part, value in zip(space.spaces, values, strict=True)]
-        return np.concatenate(parts, axis=1)
-    if isinstance(space, spaces.Discrete):
-        return np.eye(int(space.n))[np.asarray(values, dtype=np.int64) - int(space.start)]
-    array = np.asarray(values, dtype=np.float64)
-    return array.reshape(len(array), -1)

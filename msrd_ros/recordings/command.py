@@ -1,4 +1,4 @@
-"""The command ``python -m msrd_ros.bags``: check, repair, list and edit bags."""
+"""The command ``python -m msrd_ros.bags``: check, repair, list, edit, export and import bags."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from msrd_ros.bags.repair import repair
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.check import check, write_json
 from msrd_ros.recordings.editing_command import add_editing_verbs, add_reading_options, read_options
+from msrd_ros.recordings.exchange.command import add_exchange_verbs
 
 ACCEPTED, REFUSED, WRONG_CALL = 0, 1, 2
 
@@ -47,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     other.set_defaults(run=_repair)
     add_editing_verbs(verbs)
+    add_exchange_verbs(verbs)
     return parser
 
 

@@ -12,6 +12,7 @@ from msrd_ros.bags.schemas import deserialise
 from msrd_ros.bags.static_transforms import static_transforms_from_urdf
 from msrd_ros.bags.strokes import Stroke
 from msrd_ros.bags.writer import keep_stroke
+from msrd_ros.contract.columns import CONTRACT_KEY, stroke_contract
 from msrd_ros.contract.labels import say_label
 from msrd_ros.contract.topics import CONTRACT, ROBOT_DESCRIPTION, TF_STATIC, BagMessage, BagTopic
 from msrd_ros.recordings.episodes import ROBOT_KEY
@@ -132,6 +133,7 @@ class StrokeStore:
             "version": self._written_by,
             FORMAT_KEY: str(STROKE_FORMAT),
             ROBOT_KEY: self._robot.identity,
+            CONTRACT_KEY: stroke_contract(self._robot).to_json(),
             "ball_id": stroke.ball_id,
             "kept": "true" if verdict.accepted else "false",
             "reason": verdict.reason,

@@ -53,6 +53,12 @@ TESTED_BY = {
     r"python -m msrd_ros\.bags list\b": (
         "recordings/test_editing_command.py::test_a_folder_is_listed_filtered_and_sorted"
     ),
+    r"python -m msrd_ros\.bags (export|import) .*\b(?:lerobot|minari) (?!.*--mapping)": (
+        "recordings/exchange/test_importing.py::test_all_bags_come_back_byte_for_byte"
+    ),
+    r"python -m msrd_ros\.bags import .*--mapping": (
+        "recordings/exchange/test_from_columns.py::test_strokes_of_a_stranger_become_bags"
+    ),
     r"python -m msrd_ros\.bags (relabel|trim|flag|unflag|discard|restore)\b": (
         "recordings/test_editing_command.py::test_a_bag_is_edited_and_all_is_taken_back"
     ),

@@ -9,9 +9,10 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from msrd_ros.contract.columns import DataContract
 from msrd_ros.contract.interface import TOPICS
 from msrd_ros.nodes.managed import LIFECYCLE_SERVICES
-from msrd_ros.robots.loading import default_robot
+from msrd_ros.robots.loading import default_robot, load_robot
 from processes import CHECKOUT
 
 
@@ -49,6 +50,14 @@ def test_the_policy_of_the_executor_names_topics_that_there_are() -> None:
     assert named - set(TOPICS) == {"/rosout", "/parameter_events", "~/transition_event"}
     assert set(LIFECYCLE_SERVICES) <= {service.text for service in profile.iter("service")}
     assert {"joint_command", "joint_states", "ball/position", "strategy", "policy"} <= named
+
+
+def test_the_mapping_is_understood_and_names_the_joints_of_its_arm() -> None:
+    (block,) = blocks("data_sets.md", "yaml")
+    contract = DataContract.parse(yaml.safe_load(block), "data_sets.md")
+    state, ball = contract.columns
+    assert set(state.joints) == set(load_robot(contract.robot).joint_names)
+    assert (ball.factor, contract.labels) == (1e-3, {"hit it high": "my-lob"})
 
 
 @pytest.mark.parametrize("page", ["ros2_control.md", "security_enclaves.md"])

@@ -1,19 +1,17 @@
-"""Demonstrations from arrays and from Minari: what goes in comes out, and misuse is named."""
+"""Demonstrations from arrays: what goes in comes out, and misuse is named."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gym_problems import Track, track_arrays
+from gym_problems import track_arrays
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.demonstration_sets import (
     ROOM_AFTER_THE_LAST,
     demonstrations_from_arrays,
-    demonstrations_from_minari,
 )
 
 RNG = np.random.default_rng(3)
@@ -90,50 +88,3 @@ def test_one_demonstration_is_warned_of() -> None:
         demonstrations_from_arrays(SEEN[:3], DONE[:3], LABELS[:3], terminated=False)
     with pytest.warns(UserWarning, match="all demonstrations are of strategy 'hop'"):
         demonstrations_from_arrays(SEEN[:2], DONE[:2], ["hop", "hop"], terminated=False)
-
-
-def test_a_minari_data_set_is_read_as_it_was_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    minari = pytest.importorskip("minari")
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-
-    track, expected, episodes = Track(), [], []
-    for label, push in (("left", -1.0), ("right", 1.0), ("left", -0.1), ("right", 0.1)):
-        states, moves, over = [track.reset(seed=1)[0]], [], False
-        while not over:
-            moves.append(np.array([push], dtype=np.float32))
-            seen, _, ended, cut, _ = track.step(moves[-1])
-            states.append(seen)
-            over = ended or cut
-        expected.append((label, ended, np.array(states, dtype=np.float64)))
-        last = np.arange(len(moves)) == len(moves) - 1
-        episodes.append(
-            minari.data_collector.EpisodeBuffer(
-                observations=states,
-                actions=moves,
-                rewards=[0.0] * len(moves),
-                terminations=list(last & ended),
-                truncations=list(last & cut),
-                infos={"label": [label] * len(states)},
-            )
-        )
-    dataset = minari.create_dataset_from_buffers(
-        "track/two-ways-v0",
-        episodes,
-        observation_space=track.observation_space,
-        action_space=track.action_space,
-    )
-    found = demonstrations_from_minari(dataset, observation_names=("position", "speed"))
-    assert found.layout.labels == ("left", "right")
-    assert found.acting is not None
-    for number, (label, ended, table) in enumerate(expected):
-        place = found.layout.labels.index(label), number // 2
-        steps = len(table) - 1
-        assert found.acting[place] == steps
-        assert found.step_counts()[place] == (found.horizon if ended else steps)
-        assert np.allclose(found.observations[place][: steps + 1], table)
-    with pytest.raises(UserError, match=r"no label 'style' in its infos \(there: label\)"):
-        demonstrations_from_minari(dataset, label="style")
-    with pytest.raises(UserError, match="Minari data set 'track/none-v0'"):
-        demonstrations_from_minari("track/none-v0")

@@ -37,7 +37,7 @@ def test_importing_brings_neither_ros_nor_bullet_nor_numba(tmp_path: Path) -> No
         check=True,
     )
     light, everything, unchanged = json.loads(result.stdout)
-    foreign = {"rclpy", "pybullet", "numba", "rosbags", "mcap", "matplotlib", "minari"}
+    foreign = {"rclpy", "pybullet", "numba", "rosbags", "mcap", "matplotlib", "minari", "pyarrow"}
     assert not foreign & {name.partition(".")[0] for name in everything}
     assert "torch" not in light
     assert unchanged
