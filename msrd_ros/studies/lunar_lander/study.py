@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from msrd_ros.studies.lunar_lander import drawing, environment, test_sets
+from msrd_ros.studies.lunar_lander.ceiling import taught_reward
 from msrd_ros.studies.lunar_lander.demonstrations import LanderDemonstrations, load_demonstrations
-from msrd_ros.studies.lunar_lander.evaluation import LanderTest, judge
+from msrd_ros.studies.lunar_lander.evaluation import LanderTest, judge, judge_task
 from msrd_ros.studies.lunar_lander.methods import METHODS
 from msrd_ros.studies.lunar_lander.task import LANDER, default_budget
 from msrd_ros.studies.lunar_lander.test_sets import SetPlan, TestSet, kept_test_set, make_test_set
@@ -45,6 +46,8 @@ class StudyPlan(SharedPlan):
         How each test set is made.
     episodes
         Played by each strategy's policy to judge it.
+    taught_steps
+        Adam steps of the reward that is taught the truth (`ceiling`).
     """
 
     budget: Budget = field(default_factory=default_budget)
@@ -52,6 +55,7 @@ class StudyPlan(SharedPlan):
     methods: tuple[str, ...] = tuple(METHODS)
     sets: SetPlan = field(default_factory=SetPlan)
     episodes: int = 10
+    taught_steps: int = 2500
 
     @classmethod
     def quick(cls) -> StudyPlan:
@@ -63,6 +67,7 @@ class StudyPlan(SharedPlan):
             methods=("msrd", "airl", "classifier", "nearness", "slowness", "potential"),
             sets=SetPlan(30, 2, 1, 2, 1, 1, (0.2, 1.0), 1),
             episodes=1,
+            taught_steps=50,
             workers=0,
         )
 
@@ -114,6 +119,10 @@ def run_study(
     sets = plan.test_sets(source, folder, progress)
     runs = plan.runs(source, folder, progress)
     runs.prepare(plan.methods, plan.seeds)
+    ceiling = {
+        name: judge_task(taught_reward(sets[other], plan.taught_steps, SETS[other]), sets[name])
+        for name, other in zip(sets, reversed(sets), strict=True)
+    }
     digests = {name: _digest(found) for name, found in sets.items()}
     scores: dict[str, dict[str, list[Any]]] = {}
     for repetition in range(plan.seeds):
@@ -123,6 +132,7 @@ def run_study(
         "study": LANDER.name,
         "seeds": list(range(plan.seeds)),
         "methods": scores,
+        "ceiling": ceiling,
         "sets": {name: found.describe() for name, found in sets.items()},
         "tests": summarise(scores),
         "demonstrators": runs.demonstrators_report,

@@ -44,7 +44,9 @@ def test_quick_study_writes_its_rows_and_a_self_contained_report(quick: tuple[Pa
     assert np.array(msrd["matrix"]).shape == (1, 10, 10)
     assert metrics["methods"]["classifier"]["diagonal"][0] >= 8
     assert {found["trajectories"] for found in metrics["sets"].values()} == {30}
+    assert set(metrics["ceiling"]) == set(SETS)
     report = (quick[0] / "report.html").read_text()
+    assert "taught the true returns of the other set" in report
     assert report.count("data:image/png;base64") == 1
     assert 'src="http' not in report
 
