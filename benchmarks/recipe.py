@@ -4,8 +4,8 @@ Run from the repository: ``python benchmarks/recipe.py [--only NAME ...] [--seed
 scripted ways to dock, three demonstrations each (`docking.py`); R0 is judged on 1,000 trajectories of bad
 demonstrators and of networks at random, drawn so that a fifth is lost and an eighth comes to rest. Prints one
 line for each variant and seed: r, Spearman's and r among trajectories that neither are lost nor rest, of the
-mean of R0 and the true return; how many strategies of ten have the highest strategy reward of all on their own
-demonstrations; the mean true return of the policies as cloned and as learned.
+mean of R0 and the true return; how many strategies of ten have the highest strategy reward of all on their
+own demonstrations; the mean true return of the policies as cloned and as learned.
 """
 
 from __future__ import annotations
