@@ -31,12 +31,15 @@ def default_config(restarts: bool = True) -> MSRDConfig:
         episodes=4,
         # Entropy by the objective itself: a policy that is sure of itself leaves the discriminator nothing.
         policy_reward=PolicyReward.LOGIT,
+        # Where neither demonstrations nor rollouts go R0 would be whatever its network makes up: without this
+        # and displaced negatives it is worth less than a distance to the demonstrations.
         reward=RewardConfig(hidden=(32, 32), nearness=1.0),
         discriminator=DiscriminatorConfig(
             batch=256,
             learning_rate=2e-3,
-            # S_i is kept small so that R0 explains what it can; R0 costs something as well, or it falls
-            # without end where generators pile up and demonstrations never go.
+            # S_i is kept small so that R0 explains what it can: with .05 policies learned less, with .5 R0 knew
+            # less of what neither fails nor succeeds (benchmarks/recipe.py). R0 costs something as well, or it
+            # falls without end where generators pile up and demonstrations never go.
             penalty_weight=0.2,
             task_penalty_weight=0.05,
             # Without cross-negatives nothing tells S_i what the other strategies look like. Of the task they
