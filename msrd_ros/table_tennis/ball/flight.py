@@ -23,6 +23,9 @@ SPIN = slice(6, 9)
 LONGEST_FLIGHT_STEP_S = 0.005
 """Of the integration of free flight: at 12 m/s and 200 rad/s, below a micrometre over a whole flight."""
 
+_STILL_M_S = 1e-12
+"""So that a ball without speed and spin divides by something."""
+
 
 def ball_state(
     position: ArrayLike, velocity: ArrayLike = (0.0, 0.0, 0.0), spin: ArrayLike = (0.0, 0.0, 0.0)
@@ -35,7 +38,10 @@ def ball_state(
 def flight_acceleration(
     vx: float, vy: float, vz: float, wx: float, wy: float, wz: float, scene: SceneConstants
 ) -> tuple[float, float, float]:
-    """Acceleration in m/s^2: -drag |v| v + magnus (spin x v) - g z.
+    """Acceleration in m/s^2: -drag |v| v + magnus (spin x v) / (1 + saturation S) - g z.
+
+    S = r |spin| / |v| is the spin ratio; the lift coefficient of this force is slope S / (1 + saturation S)
+    across the spin, see `scene.Air`.
 
     Parameters
     ----------
@@ -46,8 +52,10 @@ def flight_acceleration(
     scene
         The numbers of the scene.
     """
-    drag = scene.drag * math.sqrt(vx * vx + vy * vy + vz * vz)
-    magnus = scene.magnus
+    speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+    drag = scene.drag * speed
+    surface_speed = scene.ball_radius * math.sqrt(wx * wx + wy * wy + wz * wz)
+    magnus = scene.magnus * speed / (speed + scene.lift_saturation * surface_speed + _STILL_M_S)
     return (
         magnus * (wy * vz - wz * vy) - drag * vx,
         magnus * (wz * vx - wx * vz) - drag * vy,
