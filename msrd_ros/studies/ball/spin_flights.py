@@ -129,7 +129,7 @@ def _ball_at(time_s: float, times: Array, positions: Array, law: BallLaw) -> Arr
     high = positions + np.array([0.0, 0.0, _HIGH_M])
     slope, offset = np.polyfit(times - times[0], high, 1)
     weights = np.concatenate([np.zeros(6), np.full(3, 1.0 / _UNKNOWN_SPIN_SD_RAD_S)])
-    ball = fit_flight(
+    ball, _ = fit_flight(
         np.concatenate([offset, slope, np.zeros(3)]),
         times - times[0],
         high,
@@ -215,7 +215,9 @@ def _end_error(flight: SpinFlight, rotation: Rotation, lift: float, scene: NDArr
     weights[6:] = 1.0 / sd
     slope, offset = np.polyfit(times[: _TURN_SAMPLES + 1], positions[: _TURN_SAMPLES + 1], 1)
     start = np.concatenate([offset, slope, expected[6:]])
-    launch = fit_flight(start, times[:half], positions[:half], expected, weights, _SAMPLE_SD_M, _STEPS, scene)
+    launch, _ = fit_flight(
+        start, times[:half], positions[:half], expected, weights, _SAMPLE_SD_M, _STEPS, scene
+    )
     path = ball_path(launch, _PERIOD_S, int(times[-1] / _PERIOD_S) + 2, scene)
     end = [np.interp(times[-1], _PERIOD_S * np.arange(len(path)), path[:, axis]) for axis in range(3)]
     return float(np.linalg.norm(end - positions[-1]))
