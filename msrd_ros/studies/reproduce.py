@@ -1,6 +1,7 @@
 """``reproduce``: run the paper's studies again, from nothing to figures and tables.
 
-``python -m msrd_ros reproduce inverted_pendulum [--seeds N] [--quick] [--out DIR]``, ``reproduce all``.
+``python -m msrd_ros reproduce inverted_pendulum [--seeds N] [--quick] [--out DIR]``, ``reproduce all``,
+``reproduce ball --data DIR [--fit] [--out DIR]``.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
 """A study's numbers, and what writes its report from them."""
 
 STUDIES = ("inverted_pendulum", "hopper", "table_tennis", "flair")
+ON_RECORDINGS = "ball"
+"""The study of recordings that its user has: no part of ``all``."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -46,16 +49,21 @@ def run(argv: list[str]) -> int:
     options = _parse(argv)
     names = STUDIES if options.study == "all" else (options.study,)
     for name in names:
-        if name not in STUDIES:
-            raise UserError(f"unknown study {name!r}; use one of {', '.join((*STUDIES, 'all'))}")
-    if options.data is not None and "flair" not in names:
-        raise UserError(f"--data {options.data}: only flair takes demonstrations from a file; leave it out")
+        if name not in (*STUDIES, ON_RECORDINGS):
+            known = ", ".join((*STUDIES, ON_RECORDINGS, "all"))
+            raise UserError(f"unknown study {name!r}; use one of {known}")
+    if options.data is not None and not {"flair", ON_RECORDINGS} & set(names):
+        raise UserError(f"--data {options.data}: only flair and ball take data; leave it out")
+    if options.fit and ON_RECORDINGS not in names:
+        raise UserError("--fit: only ball fits a law to recordings; leave it out")
+    if ON_RECORDINGS in names and (options.quick or options.seeds is not None):
+        raise UserError("ball takes a minute and draws nothing; leave out --quick and --seeds")
     for name in names:
         folder = Path(options.out or "out")
         if len(names) > 1 or options.out is None:
             folder /= name
         _check_writable(folder)
-        _reproduce(name, folder, options.seeds, options.quick, options.data)
+        _reproduce(name, folder, options)
     return 0
 
 
@@ -68,7 +76,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = _Parser(prog="reproduce", description="Run the paper's studies again.")
-    parser.add_argument("study", help=f"one of {', '.join((*STUDIES, 'all'))}")
+    parser.add_argument("study", help=f"one of {', '.join((*STUDIES, ON_RECORDINGS, 'all'))}")
     parser.add_argument(
         "--seeds", type=int, default=None, help="repetitions of the main table; default: the study's"
     )
@@ -79,8 +87,12 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         help="where report.html and metrics.json go; default: out/ and the study's name",
     )
     parser.add_argument(
-        "--data", type=Path, default=None, help="flair: demonstrations as npz; default: FLAIR's, which ship"
+        "--data",
+        type=Path,
+        default=None,
+        help="flair: demonstrations as npz, default: FLAIR's, which ship; ball: a folder of recordings",
     )
+    parser.add_argument("--fit", action="store_true", help="ball: fit its law, judge players held apart")
     options = parser.parse_args(argv)
     if options.seeds is not None and not 1 <= options.seeds <= 100:
         raise UserError(f"--seeds {options.seeds}: give a number from 1 to 100")
@@ -98,7 +110,7 @@ def _check_writable(folder: Path) -> None:
         raise UserError(f"--out {folder}: cannot write there ({error.strerror}); choose another") from None
 
 
-def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool, data: Path | None = None) -> None:
+def _reproduce(name: str, folder: Path, options: argparse.Namespace) -> None:
     """One study; imports what it needs only now, so that a missing extra is a clear error."""
     try:
         import torch
@@ -107,11 +119,12 @@ def _reproduce(name: str, folder: Path, seeds: int | None, quick: bool, data: Pa
             "inverted_pendulum": _inverted_pendulum,
             "hopper": _hopper,
             "table_tennis": _table_tennis,
-            "flair": partial(_flair, data),
+            "flair": partial(_flair, options.data),
+            ON_RECORDINGS: partial(_ball, options.data, options.fit),
         }
         torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
         started = time.monotonic()
-        metrics, write_page = studies[name](folder, seeds, quick)
+        metrics, write_page = studies[name](folder, options.seeds, options.quick)
     except ModuleNotFoundError as error:
         missing = f"{name} needs {error.name}, which is not installed"
         raise UserError(f"{missing}; install it with `pip install 'msrd_ros[studies]'`") from None
@@ -162,6 +175,13 @@ def _flair(data: Path | None, folder: Path, seeds: int | None, quick: bool) -> F
         plan = replace(plan, seeds=seeds)
     metrics = run_study(plan, folder / "runs", _ticker(), data)
     return metrics, lambda found: write_report(found, plan, folder)
+
+
+def _ball(data: Path | None, fit: bool, folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.studies.ball.report import write_report
+    from msrd_ros.studies.ball.study import run_study
+
+    return run_study(data, fit, _ticker()), lambda found: write_report(found, folder)
 
 
 def _ticker() -> Callable[[str], None]:

@@ -25,6 +25,8 @@ PATH_PERIOD_S = 0.005
 _MOST_SAMPLES = 600
 _FEED_SPEED_M_S = 2.0
 _KINK_M_S = 1.0
+_NUDGES = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2])
+"""By which a state is changed to see what that changes."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,11 @@ def fit_flight(
     sample_sd: float,
     steps: int,
     scene: NDArray[np.void],
-) -> Array:
-    """State (9,) of a ball at time 0 that fits samples and expectations best.
+) -> tuple[Array, Array]:
+    """State (9,) of a ball at time 0 that fits samples and expectations best, and its covariance (9, 9).
+
+    The covariance is that of a linear fit about it: of what samples and expectations leave open if the
+    law of flight and rebound is right.
 
     Parameters
     ----------
@@ -100,9 +105,10 @@ def fit_flight(
     """
     count = len(times)
     ball = start.copy()
-    nudges = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2])
+    nudges = _NUDGES
     here, there = np.empty((count, 3)), np.empty((count, 3))
     slopes = np.empty((3 * count, BALL_SIZE))
+    curvature = np.eye(BALL_SIZE)
     for _ in range(steps):
         usable = np.ones(count, dtype=np.bool_)
         _predict(ball, times, scene, here, usable)
@@ -120,7 +126,7 @@ def fit_flight(
         for unknown in range(BALL_SIZE):
             curvature[unknown, unknown] += weights[unknown] ** 2 + 1e-9
         ball += np.linalg.solve(curvature, gradient)
-    return ball
+    return ball, np.linalg.inv(curvature).astype(np.float64)
 
 
 class FlightEstimator:
@@ -146,6 +152,7 @@ class FlightEstimator:
         self._count = 0
         self._before: tuple[float, Array] | None = None
         self._launch: Array | None = None
+        self._covariance: Array | None = None
         self.first_seen_s: float | None = None
 
     @property
@@ -197,7 +204,7 @@ class FlightEstimator:
         expected[6:8] = config.backspin_rad_s * np.array([heading[1], -heading[0]])
         weights[6:] = 1.0 / config.side_spin_sd_rad_s
         weights[7] = 1.0 / config.backspin_sd_rad_s
-        self._launch = fit_flight(
+        self._launch, self._covariance = fit_flight(
             self._launch, times, positions, expected, weights, config.sample_sd_m, steps, self._scene
         )
         return self._launch
@@ -208,6 +215,33 @@ class FlightEstimator:
         if launch is None or not np.isfinite(launch).all():
             return None
         return ball_path(launch, PATH_PERIOD_S, self.config.path_rows, self._scene)
+
+    def position_sd(self, time_s: float) -> Array | None:
+        """How sure the last estimate is of where the ball is at a time since the first sample.
+
+        Parameters
+        ----------
+        time_s
+            Past or to come, s.
+
+        Returns
+        -------
+        Array or None
+            Standard deviations (3,) in m that camera noise and unknown spin leave, along the world's axes; an
+            error of the law of flight is not in them. None before the first estimate.
+        """
+        if self._launch is None or self._covariance is None:
+            return None
+        times = np.array([time_s])
+        here, there, usable = np.empty((1, 3)), np.empty((1, 3)), np.ones(1, dtype=np.bool_)
+        _predict(self._launch, times, self._scene, here, usable)
+        slopes = np.empty((3, BALL_SIZE))
+        for unknown in range(BALL_SIZE):
+            moved = self._launch.copy()
+            moved[unknown] += _NUDGES[unknown]
+            _predict(moved, times, self._scene, there, usable)
+            slopes[:, unknown] = (there - here)[0] / _NUDGES[unknown]
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, self._covariance, slopes)))
 
     def _first_guess(self, times: Array, positions: Array) -> Array:
         """Straight line with gravity through the samples."""

@@ -23,6 +23,9 @@ SPIN = slice(6, 9)
 LONGEST_FLIGHT_STEP_S = 0.005
 """Of the integration of free flight: at 12 m/s and 200 rad/s, below a micrometre over a whole flight."""
 
+_STILL_M_S = 1e-12
+"""So that a ball without speed and spin divides by something."""
+
 
 def ball_state(
     position: ArrayLike, velocity: ArrayLike = (0.0, 0.0, 0.0), spin: ArrayLike = (0.0, 0.0, 0.0)
@@ -33,9 +36,19 @@ def ball_state(
 
 @njit(cache=True)
 def flight_acceleration(
-    vx: float, vy: float, vz: float, wx: float, wy: float, wz: float, scene: SceneConstants
+    vx: float,
+    vy: float,
+    vz: float,
+    wx: float,
+    wy: float,
+    wz: float,
+    saturating_speed: float,
+    scene: SceneConstants,
 ) -> tuple[float, float, float]:
-    """Acceleration in m/s^2: -drag |v| v + magnus (spin x v) - g z.
+    """Acceleration in m/s^2: -drag |v| v + magnus (spin x v) / (1 + saturation S) - g z.
+
+    S = r |spin| / |v| is the spin ratio; the lift coefficient of this force is slope S / (1 + saturation S)
+    across the spin, see `scene.Air`.
 
     Parameters
     ----------
@@ -43,16 +56,27 @@ def flight_acceleration(
         Velocity, m/s.
     wx, wy, wz
         Spin, rad/s.
+    saturating_speed
+        `saturating_speed` of the spin.
     scene
         The numbers of the scene.
     """
-    drag = scene.drag * math.sqrt(vx * vx + vy * vy + vz * vz)
-    magnus = scene.magnus
+    speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+    drag = scene.drag * speed
+    magnus = scene.magnus * speed / (speed + saturating_speed)
     return (
         magnus * (wy * vz - wz * vy) - drag * vx,
         magnus * (wz * vx - wx * vz) - drag * vy,
         magnus * (wx * vy - wy * vx) - drag * vz - scene.gravity,
     )
+
+
+@njit(cache=True)
+def saturating_speed(wx: float, wy: float, wz: float, scene: SceneConstants) -> float:
+    """Speed in m/s at which a spin (rad/s) has half the lift that it would have without saturation."""
+    spin = math.sqrt(wx * wx + wy * wy + wz * wz)
+    speed: float = scene.lift_saturation * scene.ball_radius * spin + _STILL_M_S
+    return speed
 
 
 @njit(cache=True)
@@ -65,11 +89,12 @@ def flight_step(ball: NDArray[np.float64], duration: float, scene: SceneConstant
     h = duration
     vx, vy, vz = ball[3], ball[4], ball[5]
     wx, wy, wz = ball[6], ball[7], ball[8]
-    ax, ay, az = flight_acceleration(vx, vy, vz, wx, wy, wz, scene)
+    slow = saturating_speed(wx, wy, wz, scene)
+    ax, ay, az = flight_acceleration(vx, vy, vz, wx, wy, wz, slow, scene)
     half = 0.5 * h
-    bx, by, bz = flight_acceleration(vx + half * ax, vy + half * ay, vz + half * az, wx, wy, wz, scene)
-    cx, cy, cz = flight_acceleration(vx + half * bx, vy + half * by, vz + half * bz, wx, wy, wz, scene)
-    dx, dy, dz = flight_acceleration(vx + h * cx, vy + h * cy, vz + h * cz, wx, wy, wz, scene)
+    bx, by, bz = flight_acceleration(vx + half * ax, vy + half * ay, vz + half * az, wx, wy, wz, slow, scene)
+    cx, cy, cz = flight_acceleration(vx + half * bx, vy + half * by, vz + half * bz, wx, wy, wz, slow, scene)
+    dx, dy, dz = flight_acceleration(vx + h * cx, vy + h * cy, vz + h * cz, wx, wy, wz, slow, scene)
     sixth = h / 6.0
     ball[0] += h * (vx + sixth * (ax + bx + cx))
     ball[1] += h * (vy + sixth * (ay + by + cy))

@@ -61,15 +61,20 @@ class Ball:
 
 @dataclass(frozen=True)
 class Air:
-    """Drag and Magnus force on the ball; density at 20 C.
+    """Drag and lift on the ball; density at 20 C.
 
-    Drag coefficients of 0.40 to 0.55 and Magnus coefficients of 0.001 to 0.0036 are published (Koc et al.
-    0.505 and 0.001); 0.545 and 0.002 came out of recorded flights.
+    Both forces are rho A v^2 / 2 times a coefficient: the drag's is constant, the lift's is
+    `lift_slope` S / (1 + `lift_saturation` S) with the spin ratio S = r |spin| / |v|. Without saturation the
+    lift is the Magnus force k spin x v, k = rho A r `lift_slope` / (2 m).
+
+    Drag coefficients of 0.40 to 0.55 and k of 0.001 to 0.0036 are published (Koc et al. 0.505 and 0.001);
+    0.545 and 0.002 came out of recorded flights.
     """
 
     density_kg_m3: float = 1.204
     drag_coefficient: float = 0.50
-    magnus_coefficient: float = 0.002
+    lift_slope: float = 0.357
+    lift_saturation: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,8 @@ class SceneConstants(Protocol):
     drag: float
     """rho Cd A / (2 m), 1/m."""
     magnus: float
+    """rho A r / (2 m) times the slope of the lift coefficient."""
+    lift_saturation: float
     ball_radius: float
     ball_mass: float
     ball_inertia: float
@@ -147,15 +154,13 @@ class Scene:
         UserError
             If a number is negative or not finite; the message names it.
         """
-        ball = self.ball
+        ball, air = self.ball, self.air
+        force = air.density_kg_m3 * math.pi * ball.radius_m**2 / (2.0 * ball.mass_kg)
         values = {
             "gravity": self.gravity_m_s2,
-            "drag": self.air.density_kg_m3
-            * self.air.drag_coefficient
-            * math.pi
-            * ball.radius_m**2
-            / (2.0 * ball.mass_kg),
-            "magnus": self.air.magnus_coefficient,
+            "drag": force * air.drag_coefficient,
+            "magnus": force * air.lift_slope * ball.radius_m,
+            "lift_saturation": air.lift_saturation,
             "ball_radius": ball.radius_m,
             "ball_mass": ball.mass_kg,
             "ball_inertia": ball.inertia_kg_m2,

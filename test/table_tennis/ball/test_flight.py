@@ -31,18 +31,23 @@ FLIGHTS = [
 ]
 
 
-def reference_flight(state: np.ndarray, duration: float) -> np.ndarray:
+def reference_flight(state: np.ndarray, duration: float, scene: Scene = SCENE) -> np.ndarray:
     """Position and velocity by SciPy's integrator, from the forces as physics books write them."""
-    ball, air = SCENE.ball, SCENE.air
+    ball, air = scene.ball, scene.air
     area = math.pi * ball.radius_m**2
     spin = state[6:9]
 
     def rates(_: float, values: np.ndarray) -> np.ndarray:
         velocity = values[3:6]
-        speed = np.linalg.norm(velocity)
-        drag = -0.5 * air.density_kg_m3 * air.drag_coefficient * area * speed * velocity / ball.mass_kg
-        magnus = air.magnus_coefficient * np.cross(spin, velocity)
-        return np.concatenate([velocity, drag + magnus - np.array([0.0, 0.0, SCENE.gravity_m_s2])])
+        speed = float(np.linalg.norm(velocity))
+        pressure = 0.5 * air.density_kg_m3 * speed**2
+        drag = -pressure * area * air.drag_coefficient * velocity / max(speed, 1e-9)
+        ratio = ball.radius_m * float(np.linalg.norm(spin)) / max(speed, 1e-9)
+        lift_coefficient = air.lift_slope * ratio / (1.0 + air.lift_saturation * ratio)
+        across = np.cross(spin, velocity) / max(float(np.linalg.norm(spin) * speed), 1e-9)
+        force = drag + pressure * area * lift_coefficient * across
+        acceleration = force / ball.mass_kg - np.array([0.0, 0.0, scene.gravity_m_s2])
+        return np.concatenate([velocity, acceleration])
 
     end: np.ndarray = solve_ivp(rates, (0.0, duration), state[:6], rtol=1e-12, atol=1e-13).y[:, -1]
     return end
@@ -65,6 +70,15 @@ def test_flight_matches_fine_integration(
     np.testing.assert_allclose(ball[:3], expected[:3], atol=1e-6)
     np.testing.assert_allclose(ball[3:6], expected[3:], atol=1e-5)
     np.testing.assert_array_equal(ball[6:], state[6:])
+
+
+@pytest.mark.parametrize("saturation", [0.0, 3.0, 10.0])
+def test_lift_saturates_as_said(saturation: float) -> None:
+    scene = Scene(air=Air(lift_slope=1.5, lift_saturation=saturation))
+    state = launch(7.0, 10.0, 350.0, -120.0)
+    ball = state.copy()
+    fly(ball, 0.4, scene.constants())
+    np.testing.assert_allclose(ball[:3], reference_flight(state, 0.4, scene)[:3], atol=2e-5)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.004, 0.005])
@@ -135,9 +149,9 @@ def test_a_ball_left_alone_comes_to_rest_on_the_surface() -> None:
 
 
 def test_constants_come_from_the_dataclasses() -> None:
-    constants = Scene(ball=Ball(mass_kg=0.003), air=Air(magnus_coefficient=0.001), table=Table(friction=0.3))
+    constants = Scene(ball=Ball(mass_kg=0.003), air=Air(lift_slope=0.2), table=Table(friction=0.3))
     record = constants.constants()[0]
-    assert record["magnus"] == 0.001
+    assert record["magnus"] == pytest.approx(1.204 * np.pi * 0.02**3 * 0.2 / (2 * 0.003))
     assert record["table_friction"] == 0.3
     assert record["ball_inertia"] == pytest.approx(2 / 3 * 0.003 * 0.02**2)
     assert CONSTANTS[0]["ball_inertia"] == pytest.approx(7.2e-7)
