@@ -1,0 +1,313 @@
+"""The courses of known strategies, and how well they and others explain the course of a demonstration.
+
+A course is the mean state in each of a few phases of a trajectory. Demonstrations of one strategy differ from
+it by deviates that are made unit normal (whitened). What tells K strategies apart lies in the K - 1 directions
+between their centres; what lies off them tells a stranger from all. How far demonstrations stray along and off
+these directions is measured with those of the same person left out, or a person would be measured by
+themselves; and with whole strategies left out, or nothing would be known of strangers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import multivariate_t
+
+from msrd_ros.core.errors import UserError
+
+Array = NDArray[np.float64]
+
+PHASES = 8
+"""Parts of equal length that a trajectory is averaged over."""
+_LEAST_DEVIATION = 1e-2
+"""Of a phase within a strategy, as a share of the column's deviation over all states."""
+_LEAST_LOG_DEVIATION = 0.2
+_TAILS = 4.0
+"""Degrees of freedom of Student's t: some strategies vary more than others, and there are few people."""
+
+
+def course_of(observations: Sequence[NDArray[np.floating]]) -> Array:
+    """Mean state in each phase, averaged over trajectories ``[T+1, O]``: ``[PHASES * O]``."""
+    return np.asarray(np.mean([_course(seen) for seen in observations], axis=0), dtype=np.float64)
+
+
+def _course(observations: NDArray[np.floating]) -> Array:
+    phases = np.array_split(np.asarray(observations, dtype=np.float64)[1:], PHASES)
+    return np.concatenate([phase.mean(axis=0) for phase in phases])
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Coordinates in which courses are compared.
+
+    Attributes
+    ----------
+    whitening
+        ``[F, F]``: makes deviations within a strategy unit normal.
+    basis
+        ``[F, R]``, orthonormal: directions between the strategies' centres, whitened.
+    middle
+        ``[F]``: mean of the centres, whitened.
+    """
+
+    whitening: Array
+    basis: Array
+    middle: Array
+
+    def along(self, whitened: Array) -> Array:
+        """Coordinates between strategies, ``[..., R]``."""
+        return np.asarray((whitened - self.middle) @ self.basis)
+
+    def off(self, whitened: Array, centre: Array) -> Array:
+        """Squared distance a direction from a centre ``[..., F]`` apart from those coordinates, ``[...]``."""
+        apart = whitened - centre
+        along = apart @ self.basis
+        rest = np.square(apart).sum(axis=-1) - np.square(along).sum(axis=-1)
+        return np.asarray(rest / max(self.basis.shape[0] - self.basis.shape[1], 1))
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What is usual, with everything of a person or a strategy left out that is measured.
+
+    Attributes
+    ----------
+    spread
+        ``[R, R]``: covariance of demonstrations about their strategy between strategies.
+    between
+        ``[R, R]``: covariance of the strategies' centres there.
+    own, strange
+        Mean and deviation of the logarithm of `Frame.off`, from the own strategy, and of demonstrations
+        of a strategy that nobody knows.
+    """
+
+    spread: Array
+    between: Array
+    own: tuple[float, float]
+    strange: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Courses:
+    """Courses of K known strategies.
+
+    Attributes
+    ----------
+    names
+        Of the strategies.
+    centres, counts
+        ``[K, F]`` mean course of each, whitened, and of how many demonstrations it is, ``[K]``.
+    frame, usual
+        How courses are compared, and what is usual.
+    """
+
+    names: tuple[str, ...]
+    centres: Array
+    counts: NDArray[np.int64]
+    frame: Frame
+    usual: Usual
+
+    @classmethod
+    def fit(
+        cls,
+        observations: Sequence[NDArray[np.floating]],
+        labels: Sequence[str],
+        people: Sequence[str] = (),
+    ) -> Courses:
+        """What known demonstrations say.
+
+        Parameters
+        ----------
+        observations
+            ``[T+1, O]`` each, of any lengths.
+        labels
+            Whose each is.
+        people
+            Who showed each: what a stranger will be like follows from how people differ. Empty: each was shown
+            by somebody else.
+
+        Raises
+        ------
+        UserError
+            If there are fewer than two strategies, or too few demonstrations to know what is usual.
+        """
+        names = tuple(dict.fromkeys(labels))
+        if len(names) < 2:
+            raise UserError("newcomers: one strategy is known; it takes two to know how strategies differ")
+        for number, seen in enumerate(observations):
+            if len(seen) <= PHASES:
+                raise UserError(f"newcomers: demonstration {number} has {len(seen)} states; leave it out")
+        data = _Known.of(observations, labels, names)
+        who = np.arange(len(labels)) if not people else np.unique(people, return_inverse=True)[1]
+        frame, centres, counts = data.fitted(np.ones(len(labels), dtype=bool))
+        left_out = [who == person for person in np.unique(who)]
+        measured = [left for left in left_out if set(data.members[~left]) == set(data.members)]
+        if sum(int(left.sum()) for left in measured) < 2 * len(names):
+            raise UserError(
+                "newcomers: too few demonstrations to know how far those of one strategy lie apart; give two or "
+                "more of each strategy, or of more people"
+            )
+        return cls(names, centres, counts, frame, data.usual(frame, centres, measured))
+
+    def whitened(self, course: Array) -> Array:
+        """``[..., F]`` in deviations that are usual within a strategy."""
+        return np.asarray(course @ self.frame.whitening)
+
+    def log_evidence(self, course: Array, centres: Array, counts: NDArray[np.int64] | int) -> Array:
+        """Of a course ``[F]`` if it was made by what has the whitened centres ``[n, F]``, ``[n]``.
+
+        Parameters
+        ----------
+        counts
+            Of how many courses each centre is the mean: one of few is uncertain itself.
+        """
+        here, frame, usual = self.whitened(course), self.frame, self.usual
+        wider = np.broadcast_to(1.0 + 1.0 / np.asarray(counts, dtype=np.float64), centres.shape[:1])
+        apart = (frame.along(here) - frame.along(centres)) / np.sqrt(wider)[:, None]
+        width = apart.shape[1]
+        along = multivariate_t.logpdf(apart, np.zeros(width), _scale(usual.spread), df=_TAILS)
+        return np.asarray(
+            along - 0.5 * width * np.log(wider) + _log_off(frame.off(here, centres) / wider, usual.own)
+        )
+
+    def known_evidence(self, course: Array) -> Array:
+        """`log_evidence` of each known strategy, ``[K]``."""
+        return self.log_evidence(course, self.centres, self.counts)
+
+    def strange_evidence(self, course: Array) -> float:
+        """Log evidence of a course ``[F]`` if it was made by a strategy that nobody knows."""
+        here, frame, usual = self.whitened(course), self.frame, self.usual
+        along = frame.along(here)
+        # A stranger's centre is drawn as the known ones were, and strays about it.
+        wide = _scale(usual.spread + usual.between)
+        density = multivariate_t.logpdf(along, np.zeros(len(along)), wide, df=_TAILS)
+        off = float(np.log(np.maximum(frame.off(here, frame.middle), 1e-12)))
+        mean, deviation = usual.strange
+        # Further off than strangers usually are is no less strange.
+        return float(density) + _log_normal(min(off, mean), mean, deviation)
+
+    def usual_evidence(self) -> float:
+        """Log evidence of a demonstration that lies as near to its strategy as half of them do, about."""
+        width = self.frame.basis.shape[1]
+        middle = np.sqrt(np.diag(_scale(self.usual.spread)))
+        along = multivariate_t.logpdf(middle, np.zeros(width), _scale(self.usual.spread), df=_TAILS)
+        return float(along) + float(_log_off(np.exp(self.usual.own[0]), self.usual.own))
+
+    def with_strategy(self, name: str, course: Array, count: int) -> Courses:
+        """One strategy more, of so many demonstrations with this mean course."""
+        return replace(
+            self,
+            names=(*self.names, name),
+            centres=np.concatenate([self.centres, self.whitened(course)[None]]),
+            counts=np.append(self.counts, count),
+        )
+
+    def with_member(self, name: str, course: Array, count: int) -> Courses:
+        """More demonstrations of a known strategy."""
+        row = self.names.index(name)
+        share = count / (self.counts[row] + count)
+        centres, counts = self.centres.copy(), self.counts.copy()
+        centres[row] += share * (self.whitened(course) - centres[row])
+        counts[row] += count
+        return replace(self, centres=centres, counts=counts)
+
+
+def _scale(covariance: Array) -> Array:
+    """Of Student's t with that covariance."""
+    return np.asarray(covariance * (_TAILS - 2.0) / _TAILS)
+
+
+def _log_normal(value: Array | float, mean: float, deviation: float) -> float:
+    return float(-0.5 * np.square((value - mean) / deviation) - np.log(deviation))
+
+
+def _log_off(squares: Array, usual: tuple[float, float]) -> Array:
+    """Log density of logarithms of squared distances; nearer than usual is as good as usual."""
+    mean, deviation = usual
+    beyond = np.maximum(np.log(np.maximum(squares, 1e-12)) - mean, 0.0)
+    return np.asarray(-0.5 * np.square(beyond / deviation) - np.log(deviation))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Courses ``[n, F]``, the strategy of each, and the least deviation of every feature."""
+
+    courses: Array
+    members: NDArray[np.int64]
+    floor: Array
+
+    @classmethod
+    def of(
+        cls, observations: Sequence[NDArray[np.floating]], labels: Sequence[str], names: tuple[str, ...]
+    ) -> _Known:
+        column = np.concatenate([np.asarray(seen, dtype=np.float64) for seen in observations]).std(axis=0)
+        return cls(
+            np.stack([_course(seen) for seen in observations]),
+            np.array([names.index(label) for label in labels]),
+            _LEAST_DEVIATION * np.tile(np.maximum(column, 1e-12), PHASES),
+        )
+
+    def fitted(self, used: NDArray[np.bool_]) -> tuple[Frame, Array, NDArray[np.int64]]:
+        """Frame, whitened centres and counts by the courses that are `used`, strategies without any left out."""
+        members = np.unique(self.members[used], return_inverse=True)[1].astype(np.int64)
+        courses = self.courses[used]
+        counts = np.bincount(members)
+        centres = np.zeros((len(counts), courses.shape[1]))
+        np.add.at(centres, members, courses / counts[members][:, None])
+        several = counts[members] > 1
+        # Deviations from a mean that they are part of are too small.
+        enlarged = np.sqrt(counts / np.maximum(counts - 1, 1))[members, None]
+        within = ((courses - centres[members]) * enlarged)[several]
+        scale = np.maximum(np.sqrt(np.square(within).mean(axis=0)) if len(within) else 0.0, self.floor)
+        values, vectors = np.linalg.eigh(shrunk_covariance(within / scale))
+        whitening = (vectors / np.sqrt(values)) / scale[:, None]
+        centres = centres @ whitening
+        middle = centres.mean(axis=0)
+        directions = np.linalg.svd((centres - middle).T, full_matrices=False)[0][:, : len(counts) - 1]
+        return Frame(whitening, directions, middle), centres, counts
+
+    def usual(self, frame: Frame, centres: Array, left_out: Sequence[NDArray[np.bool_]]) -> Usual:
+        """See `Usual`; `left_out` are the demonstrations of each person."""
+        strays, own, strange = [], [], []
+        for left in left_out:
+            there, others, counts = self.fitted(~left)
+            members = self.members[left]
+            wider = 1.0 + 1.0 / counts[members]
+            here = self.courses[left] @ there.whitening
+            # Told by how far the centres are apart: directions of a part differ in sign, order and length.
+            turn = np.linalg.lstsq(there.along(others), frame.along(centres), rcond=None)[0]
+            strays.append(there.along(here - others[members] + there.middle) @ turn / np.sqrt(wider)[:, None])
+            own.append(there.off(here, others[members]) / wider)
+        for strategy in np.unique(self.members):
+            left = self.members == strategy
+            if len(centres) > 2:
+                there, _, _ = self.fitted(~left)
+                strange.append(there.off(self.courses[left] @ there.whitening, there.middle))
+        straying = np.concatenate(strays)
+        between = np.atleast_2d(np.cov(frame.along(centres).T))
+        spread = shrunk_covariance(straying)
+        nearby = _moments(own)
+        return Usual(spread, between, nearby, _moments(strange) if strange else (nearby[0] + 2.0, 1.0))
+
+
+def _moments(squares: Sequence[Array]) -> tuple[float, float]:
+    logarithms = np.log(np.maximum(np.concatenate(squares), 1e-12))
+    return float(logarithms.mean()), max(float(logarithms.std()), _LEAST_LOG_DEVIATION)
+
+
+def shrunk_covariance(rows: Array) -> Array:
+    """Of rows ``[n, F]`` of mean 0, drawn towards a multiple of the identity (Ledoit and Wolf, 2004)."""
+    count, width = rows.shape
+    if not count:
+        return np.eye(width)
+    sample = rows.T @ rows / count
+    target = np.trace(sample) / width * np.eye(width)
+    apart = float(np.square(sample - target).sum())
+    # The mean of |x x' - S|^2 is that of |x|^4, less |S|^2.
+    noise = float((np.square(np.square(rows).sum(axis=1)).mean() - np.square(sample).sum()) / count)
+    share = min(1.0, noise / apart) if apart > 0.0 else 1.0
+    floor = 1e-6 * np.trace(sample) / width + 1e-12
+    return np.asarray((1.0 - share) * sample + share * target + floor * np.eye(width))

@@ -1,0 +1,312 @@
+"""After training: teachers that come one by one, each recognised, and learned if nobody knows them yet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+
+from msrd_ros.core.errors import UserError
+from msrd_ros.learning.config import MSRDConfig
+from msrd_ros.learning.layout import Layout
+from msrd_ros.learning.learned import Learned
+from msrd_ros.learning.newcomers.courses import PHASES, Courses, course_of
+from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
+from msrd_ros.learning.newcomers.one_policy import fit_policy
+from msrd_ros.learning.newcomers.recognition import Recognition, Verdict, recognise
+from msrd_ros.learning.newcomers.strategy_reward import learn_strategy_reward, used_log_prob
+from msrd_ros.learning.places import find_place
+from msrd_ros.learning.policy import Policy
+from msrd_ros.learning.recipe import default_config
+from msrd_ros.learning.trajectories import Demonstrations, Transitions
+
+Array = NDArray[np.float64]
+
+OWN_EPISODES = 8
+"""Played by a new policy, to tell its teacher's states from what comes of cloning them."""
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """What came of one teacher.
+
+    Attributes
+    ----------
+    name
+        The strategy that now plays what was shown.
+    recognition
+        What it is, and with which belief.
+    episodes
+        That were played for it, all together.
+    """
+
+    name: str
+    recognition: Recognition
+    episodes: int
+
+
+class Newcomers:
+    """A learned result that teachers are added to, one by one, in a time that does not depend on how many.
+
+    R0 and the strategy rewards and policies that there are stay as they are, to the bit: what was good stays
+    good. A known strategy is left alone; a mixture of two gets a policy, and its reward is the mean of theirs;
+    only what is new gets a strategy reward of its own.
+
+    Parameters
+    ----------
+    learned
+        Of `train` or `Learned.load`.
+    demonstrations
+        What it was learned of, in the order of their `Demonstrations.trajectories`.
+    environment
+        Where policies are played, as of `train`.
+    config
+        Its cloning and discriminator are used; None: `default_config`.
+    people
+        Who showed each demonstration; empty: each was shown by somebody else.
+    seed
+        Everything random follows from it.
+
+    Attributes
+    ----------
+    learned
+        Strategies: those of the beginning, and the new ones.
+    policies
+        Of all names that can be played: strategies and mixtures.
+    mixtures
+        Weights of strategies, by the mixture's name.
+
+    Raises
+    ------
+    UserError
+        If the labels are not those of training, or there is too little to know what is usual.
+    """
+
+    def __init__(
+        self,
+        learned: Learned,
+        demonstrations: Demonstrations,
+        environment: Any,
+        config: MSRDConfig | None = None,
+        people: Sequence[str] = (),
+        seed: int = 0,
+    ) -> None:
+        layout = demonstrations.layout
+        layout.require(learned.layout, "demonstrations")
+        self.learned, self.policies = learned, learned.policies
+        self.mixtures: dict[str, dict[str, float]] = {}
+        self.config = config or default_config()
+        counts = demonstrations.step_counts()
+        places = [(int(row), int(column)) for row, column in np.argwhere(counts > 0)]
+        if people and len(people) != len(places):
+            raise UserError(f"people: {len(people)} for {len(places)} demonstrations; give one each, or none")
+        self.courses = Courses.fit(
+            [demonstrations.observations[place][: counts[place] + 1] for place in places],
+            [layout.labels[row] for row, _ in places],
+            people,
+        )
+        self._place = find_place(environment, demonstrations)
+        self._rng = np.random.default_rng(seed)
+        self._generator = torch.Generator().manual_seed(seed)
+        self._seen: list[NDArray[np.floating]] = []
+        self._others = [
+            self._transitions(
+                demonstrations.observations[row, column][None], demonstrations.actions[row, column][None]
+            )
+            for row, column in places
+        ]
+
+    @property
+    def layout(self) -> Layout:
+        """Columns and strategies."""
+        return self.learned.layout
+
+    def meet(
+        self, observations: Sequence[ArrayLike], actions: Sequence[ArrayLike], name: str | None = None
+    ) -> Meeting:
+        """Recognise what one teacher showed, and learn it if it is no known strategy.
+
+        Parameters
+        ----------
+        observations, actions
+            ``[T+1, O]`` and ``[T_act, A]`` of each of the teacher's demonstrations, all of one strategy and of
+            one length.
+        name
+            What it is called; None: nobody has said. A known strategy's name is believed as far as the
+            demonstration goes with it. A name that there is not yet will play in any case: if it is recognised
+            as a known strategy, as a mixture of that alone.
+
+        Raises
+        ------
+        UserError
+            If a demonstration does not go with the layout, or holds numbers that are not finite.
+        """
+        seen, done = self._checked(observations, actions)
+        self._seen = []
+        recognition = self.recognise(seen, name)
+        is_new_name = name is not None and name not in self.policies.layout.labels
+        called = str(name) if is_new_name else self._made_up()
+        course = course_of(list(seen))
+        if recognition.verdict is Verdict.KNOWN:
+            strategy = recognition.strategy
+            self.courses = self.courses.with_member(strategy, course, len(seen))
+            if not is_new_name:
+                return Meeting(strategy, recognition, recognition.episodes)
+            self._add_mixture(called, {strategy: 1.0}, seen, done)
+        elif recognition.verdict is Verdict.MIXTURE:
+            self._add_mixture(called, recognition.weights, seen, done)
+        else:
+            self._add_strategy(called, seen, done, recognition)
+            self.courses = self.courses.with_strategy(called, course, len(seen))
+            return Meeting(called, recognition, recognition.episodes + OWN_EPISODES)
+        return Meeting(called, recognition, recognition.episodes)
+
+    def recognise(self, observations: Sequence[NDArray[np.floating]], name: str | None = None) -> Recognition:
+        """Say what demonstrations are, and change nothing; see `meet`."""
+        return recognise(self.courses, list(observations), self._play_mixture, name, self.may_mix)
+
+    def may_mix(self, first: str, second: str) -> bool:
+        """Whether two strategies can be mixed at all."""
+        return True
+
+    # -- what a task may know better -----------------------------------------------------------
+
+    def _play(self, policy: MixedPolicy, episodes: int) -> list[NDArray[np.floating]]:
+        """Whole trajectories ``[T+1, O]``."""
+        played = self._place.collector.collect(policy, episodes, self._rng)  # type: ignore[arg-type]
+        lengths = np.full(episodes, played.observations.shape[2] - 1)
+        if played.lengths is not None:
+            lengths = played.lengths[0]
+        return [seen[: steps + 1] for seen, steps in zip(played.observations[0], lengths, strict=True)]
+
+    def _policy_of(
+        self, name: str, weights: dict[str, float], observations: Array, actions: Array, is_mixture: bool
+    ) -> Policy:
+        """The policy of a newcomer, which is nearest to a mixture with these weights, or is it.
+
+        A mixture does at every state that was played for it what it is the mean of; a new one clones.
+        """
+        nearest = self.policies.policy(max(weights, key=lambda part: weights[part]))
+        if is_mixture and max(weights.values()) == 1.0:
+            return replace(nearest, label=name)
+        if is_mixture:
+            observations = self._pooled_states()
+            actions = self._mixed(weights).mean(observations[:, :-1])
+        shown = Demonstrations(observations[None], actions[None], replace(self.layout, labels=(name,)))
+        cloning = replace(self.config.cloning, snapshots=(), noise_levels=(), restarts=())
+        if is_mixture:
+            # What is right at every state needs no help to come back to a few.
+            cloning = replace(cloning, state_noise=(), recovery_labels=())
+        return fit_policy(nearest, shown, cloning, self._generator)
+
+    # ------------------------------------------------------------------------------------------
+
+    def _play_mixture(self, weights: dict[str, float], episodes: int) -> list[NDArray[np.floating]]:
+        played = self._play(self._mixed(weights), episodes)
+        self._seen += played
+        return played
+
+    def _mixed(self, weights: dict[str, float], noise: float = 0.0) -> MixedPolicy:
+        parts = [(weight, self.policies.policy(part)) for part, weight in weights.items()]
+        return MixedPolicy(parts, noise, self._place.scale)
+
+    def _pooled_states(self) -> Array:
+        """All states that mixtures were in at this meeting, ``[M, T+1, O]``; short trajectories stay at the end."""
+        longest = max(map(len, self._seen))
+        return np.stack(
+            [np.concatenate([seen, np.repeat(seen[-1:], longest - len(seen), axis=0)]) for seen in self._seen]
+        ).astype(np.float64)
+
+    def _add_mixture(self, name: str, weights: dict[str, float], observations: Array, actions: Array) -> None:
+        policy = self._policy_of(name, weights, observations, actions, is_mixture=True)
+        self.policies = self.policies.with_policy(policy)
+        self.mixtures[name] = dict(weights)
+
+    def _add_strategy(self, name: str, observations: Array, actions: Array, found: Recognition) -> None:
+        nearest = {found.strategy: 1.0}
+        policy = self._policy_of(name, nearest, observations, actions, is_mixture=False)
+        self.policies = self.policies.with_policy(policy)
+        rewards = self.learned.rewards
+        if rewards is not None:
+            shown = self._transitions(observations, actions, policy)
+            played = self._own_rollouts(policy)
+            rewards = learn_strategy_reward(
+                rewards,
+                shown,
+                played,
+                Transitions.join(self._others),
+                self.config.discriminator,
+                self._generator,
+            )
+            self._others.append(shown)
+        self.learned = replace(
+            self.learned, policies=self.learned.policies.with_policy(policy), rewards=rewards
+        )
+
+    def _own_rollouts(self, policy: Policy) -> Transitions:
+        alone = MixedPolicy([(1.0, policy)], 1.0, self._place.scale)
+        parts = []
+        for seen in self._play(alone, OWN_EPISODES):
+            states = np.asarray(seen, dtype=np.float64)[None]
+            # Which action was drawn matters to rewards that see it alone; the mean will do for the others.
+            parts.append(self._transitions(states, alone.mean(states[:, :-1]), policy))
+        return Transitions.join(parts)
+
+    def _transitions(
+        self, observations: NDArray[np.floating], actions: NDArray[np.floating], policy: Policy | None = None
+    ) -> Transitions:
+        """Trajectories ``[M, ...]`` as the discriminator sees them, with the log-density under a policy."""
+        units = actions if self._place.scale is None else self._place.scale.to_unit(actions)
+        log_prob = None
+        if policy is not None:
+            alone = MixedPolicy([(1.0, policy)])
+            density = alone.log_prob(observations[:, : actions.shape[1]], actions)
+            half = 1.0 if self._place.scale is None else self._place.scale.half
+            density = density + float(np.log(half * np.ones(actions.shape[-1])).sum())
+            log_prob = used_log_prob(density, alone.deviation / half, self.config.discriminator)[None]
+        return Transitions.of(
+            torch.as_tensor(np.asarray(observations), dtype=torch.float32)[None],
+            torch.as_tensor(np.asarray(units), dtype=torch.float32)[None],
+            log_prob,
+        )
+
+    def _made_up(self) -> str:
+        number = 1
+        while f"strategy-{number}" in self.policies.layout.labels:
+            number += 1
+        return f"strategy-{number}"
+
+    def _checked(
+        self, observations: Sequence[ArrayLike], actions: Sequence[ArrayLike]
+    ) -> tuple[Array, Array]:
+        if len(observations) != len(actions) or not len(observations):
+            raise UserError(
+                f"newcomer: {len(observations)} arrays of observations and {len(actions)} of actions; give one "
+                "of each for every demonstration, one at least"
+            )
+        seen = [np.asarray(array, dtype=np.float64) for array in observations]
+        done = [np.asarray(array, dtype=np.float64) for array in actions]
+        for number, (states, moves) in enumerate(zip(seen, done, strict=True)):
+            wanted = len(self.layout.observation_names), len(self.layout.action_names)
+            if states.ndim != 2 or moves.ndim != 2 or (states.shape[1], moves.shape[1]) != wanted:
+                raise UserError(
+                    f"newcomer: demonstration {number} has observations {states.shape} and actions {moves.shape}; "
+                    f"give [T+1, {wanted[0]}] and [T, {wanted[1]}]"
+                )
+            if len(states) <= max(len(moves), PHASES):
+                raise UserError(
+                    f"newcomer: demonstration {number} has {len(states)} states and {len(moves)} actions; give "
+                    f"one state more than actions, and more than {PHASES}"
+                )
+            if not (np.isfinite(states).all() and np.isfinite(moves).all()):
+                raise UserError(f"newcomer: demonstration {number} holds a number that is not finite")
+            if states.shape != seen[0].shape or moves.shape != done[0].shape:
+                raise UserError(
+                    f"newcomer: demonstration {number} has {len(states)} states, the first {len(seen[0])}; "
+                    "give them one by one"
+                )
+        return np.stack(seen), np.stack(done)

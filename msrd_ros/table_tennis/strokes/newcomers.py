@@ -1,0 +1,202 @@
+"""One more teacher of strokes: recognised, and played after a recording or a few."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from msrd_ros.contract.episode import ACTING_STEPS, FIRST_ACTING_STEP, Episode, action_names
+from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.core.errors import UserError
+from msrd_ros.learning.learned import Learned
+from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
+from msrd_ros.learning.newcomers.newcomers import Meeting, Newcomers
+from msrd_ros.learning.newcomers.one_policy import fit_policy
+from msrd_ros.learning.policy import Policy
+from msrd_ros.learning.rewards import RewardModel
+from msrd_ros.learning.rollouts import BatchedCollector
+from msrd_ros.learning.trajectories import Demonstrations, Rollouts
+from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.ball.feeder import SPREADS
+from msrd_ros.table_tennis.simulation.batched import (
+    KinematicRallies,
+    KinematicRalliesConfig,
+    RallyPlan,
+    RallyVariation,
+)
+from msrd_ros.table_tennis.strategies.table import Strategies
+from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
+from msrd_ros.table_tennis.strokes.description import met_side
+from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
+from msrd_ros.table_tennis.strokes.presets import with_recovery_labels
+from msrd_ros.table_tennis.strokes.training import (
+    StrokeTrainingConfig,
+    mean_landing_points,
+    stroke_recipe,
+)
+from msrd_ros.table_tennis.strokes.transfer import transfer
+
+Array = NDArray[np.float64]
+
+BALLS = 24
+"""Of known strokes, that a newcomer's are transferred to."""
+
+
+@dataclass
+class MixedStrokes:
+    """Plays mixtures in the batched simulator: a `Collector` of one policy, from its own ready pose.
+
+    Attributes
+    ----------
+    facts
+        By strategy; newcomers are added.
+    robot, config
+        The arm, and what feeds, start postures and camera are like.
+    """
+
+    facts: dict[StrategyLabel, StrokeFacts]
+    robot: Robot
+    config: StrokeTrainingConfig
+
+    def ready_pose(self, policy: MixedPolicy) -> Array:
+        """Where a mixture waits: the mean of where its parts do, ``[N]``, rad."""
+        each = [weight * self.facts[StrategyLabel(part.label)].ready_pose for weight, part in policy.parts]
+        return np.asarray(np.sum(each, axis=0))
+
+    def collect(self, policy: MixedPolicy, episodes: int, rng: np.random.Generator) -> Rollouts:
+        """Play `episodes` strokes."""
+        config = self.config
+        variation = RallyVariation(
+            SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m, config.camera_latency_s
+        )
+        side = self.facts[StrategyLabel(policy.parts[0][1].label)].side
+        simulator = KinematicRallies(
+            [RallyPlan(side, self.ready_pose(policy))],
+            KinematicRalliesConfig(variation=variation, threads=1, robot=self.robot),
+        )
+        return BatchedCollector(simulator).collect(policy, episodes, rng)  # type: ignore[arg-type]
+
+
+class StrokeNewcomers(Newcomers):
+    """Learned strokes that teachers are added to.
+
+    Parameters
+    ----------
+    policies
+        Those that are known.
+    rewards
+        R0 and S_i in the policies' order; None: policies alone are learned.
+    episodes
+        What was learned of.
+    config
+        Of the training.
+    strategies
+        What is known of them; None takes the package's table.
+
+    Raises
+    ------
+    UserError
+        If the strokes are not of the policies' strategies, or too few.
+    """
+
+    def __init__(
+        self,
+        policies: StrokePolicies,
+        rewards: RewardModel | None,
+        episodes: Sequence[Episode],
+        config: StrokeTrainingConfig | None = None,
+        strategies: Strategies | None = None,
+    ) -> None:
+        config = config or StrokeTrainingConfig()
+        self.robot = policies.robot
+        demonstrations = gather_demonstrations(episodes, strategies or Strategies.shipped())
+        if demonstrations.layout.labels != policies.policies.layout.labels:
+            raise UserError(
+                f"newcomers: the policies are of {', '.join(policies.policies.layout.labels)}, the strokes of "
+                f"{', '.join(demonstrations.layout.labels)}; give those that they were learned from"
+            )
+        recipe = with_recovery_labels(
+            stroke_recipe(config, policies.labels, self.robot, strategies),
+            self.robot.joint_names,
+            action_names(self.robot),
+        )
+        self._ground = MixedStrokes(dict(policies.facts), self.robot, config)
+        self._arriving: StrokeFacts | None = None
+        ordered = [e for label in policies.labels for e in episodes if e.label == label]
+        super().__init__(
+            Learned(policies.policies, rewards, {"method": config.method}),
+            demonstrations,
+            self._ground,
+            recipe,
+            [episode.subject or episode.source for episode in ordered],
+            config.seed,
+        )
+        self._balls = {
+            side: np.stack([_shown(e)[:, self.robot.joint_count :] for e in ordered if met_side([e]) is side])
+            for side in {met_side([episode]) for episode in ordered}
+        }
+
+    @property
+    def stroke_policies(self) -> StrokePolicies:
+        """All that can be played now."""
+        facts = {StrategyLabel(label): self._ground.facts[StrategyLabel(label)] for label in self.policies.layout.labels}
+        return StrokePolicies(self.policies, facts, robot=self.robot)
+
+    def meet_strokes(self, episodes: Sequence[Episode], name: StrategyLabel | None = None) -> Meeting:
+        """See `meet`: recognise recorded strokes of one teacher, and have them played.
+
+        Raises
+        ------
+        UserError
+            If they are of another arm, on both sides, or on one that nobody plays.
+        """
+        for episode in episodes:
+            self.robot.require(episode.robot.identity, episode.source)
+        sides = {met_side([episode]) for episode in episodes}
+        if len(sides) != 1:
+            raise UserError(f"newcomer: {len(sides)} sides are shown; give strokes of one side at a time")
+        side = sides.pop()
+        if side not in self._balls:
+            raise UserError(f"newcomer: no known strategy plays {side}; learn one there first")
+        pose = np.mean([episode.joint_position[0] for episode in episodes], axis=0)
+        landings = list(mean_landing_points([replace(e, label=_ANY) for e in episodes]).values())
+        self._arriving = StrokeFacts(pose, landings[0] if landings else np.full(2, np.nan), side)
+        acting = slice(FIRST_ACTING_STEP, FIRST_ACTING_STEP + ACTING_STEPS)
+        return self.meet(
+            [_shown(episode) for episode in episodes], [episode.actions[acting] for episode in episodes], name
+        )
+
+    def may_mix(self, first: str, second: str) -> bool:
+        """Strokes of one side alone."""
+        facts = self._ground.facts
+        return facts[StrategyLabel(first)].side is facts[StrategyLabel(second)].side
+
+    def _policy_of(
+        self, name: str, weights: dict[str, float], observations: Array, actions: Array, is_mixture: bool
+    ) -> Policy:
+        """Correctively cloned from the recordings and from what they say of other balls; see `transfer`."""
+        assert self._arriving is not None
+        facts, base = self._arriving, self._mixed(weights)
+        self._ground.facts[StrategyLabel(name)] = facts
+        balls = self._balls[facts.side]
+        chosen = self._rng.permutation(len(balls))[:BALLS]
+        motions = transfer(self.robot, base.mean, self._ground.ready_pose(base), observations, balls[chosen])
+        shown = Demonstrations(
+            np.concatenate([observations, motions.observations])[None],
+            np.concatenate([actions, motions.actions])[None],
+            replace(self.layout, labels=(name,)),
+        )
+        nearest = self.policies.policy(max(weights, key=lambda part: weights[part]))
+        cloning = replace(self.config.cloning, snapshots=())
+        return fit_policy(nearest, shown, cloning, self._generator)
+
+
+_ANY = StrategyLabel("any")
+
+
+def _shown(episode: Episode) -> Array:
+    """Observations from the first acting step on."""
+    return episode.observations[FIRST_ACTING_STEP:]
