@@ -27,7 +27,7 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyPlan,
     RallyVariation,
 )
-from msrd_ros.table_tennis.strategies.table import Strategies
+from msrd_ros.table_tennis.strategies.table import Side, Strategies
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 from msrd_ros.table_tennis.strokes.description import met_side
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
@@ -37,7 +37,7 @@ from msrd_ros.table_tennis.strokes.training import (
     mean_landing_points,
     stroke_recipe,
 )
-from msrd_ros.table_tennis.strokes.transfer import transfer
+from msrd_ros.table_tennis.strokes.transfer import nearest_weights, transfer
 
 Array = NDArray[np.float64]
 
@@ -123,6 +123,7 @@ class StrokeNewcomers(Newcomers):
             self.robot.joint_names,
             action_names(self.robot),
         )
+        self._trained = len(policies.labels)
         self._ground = MixedStrokes(dict(policies.facts), self.robot, config)
         self._arriving: StrokeFacts | None = None
         ordered = [e for label in policies.labels for e in episodes if e.label == label]
@@ -142,7 +143,10 @@ class StrokeNewcomers(Newcomers):
     @property
     def stroke_policies(self) -> StrokePolicies:
         """All that can be played now."""
-        facts = {StrategyLabel(label): self._ground.facts[StrategyLabel(label)] for label in self.policies.layout.labels}
+        facts = {
+            StrategyLabel(label): self._ground.facts[StrategyLabel(label)]
+            for label in self.policies.layout.labels
+        }
         return StrokePolicies(self.policies, facts, robot=self.robot)
 
     def meet_strokes(self, episodes: Sequence[Episode], name: StrategyLabel | None = None) -> Meeting:
@@ -179,8 +183,10 @@ class StrokeNewcomers(Newcomers):
     ) -> Policy:
         """Correctively cloned from the recordings and from what they say of other balls; see `transfer`."""
         assert self._arriving is not None
-        facts, base = self._arriving, self._mixed(weights)
-        self._ground.facts[StrategyLabel(name)] = facts
+        facts = self._ground.facts[StrategyLabel(name)] = self._arriving
+        # However it was recognised: from where the motion is nearest the way to it is shortest.
+        near = nearest_weights(self._on_side(facts.side), observations, actions)
+        base = self._mixed(near)
         balls = self._balls[facts.side]
         chosen = self._rng.permutation(len(balls))[:BALLS]
         motions = transfer(self.robot, base.mean, self._ground.ready_pose(base), observations, balls[chosen])
@@ -189,9 +195,17 @@ class StrokeNewcomers(Newcomers):
             np.concatenate([actions, motions.actions])[None],
             replace(self.layout, labels=(name,)),
         )
-        nearest = self.policies.policy(max(weights, key=lambda part: weights[part]))
-        cloning = replace(self.config.cloning, snapshots=())
-        return fit_policy(nearest, shown, cloning, self._generator)
+        start = self.policies.policy(max(near, key=lambda part: near[part]))
+        return fit_policy(start, shown, replace(self.config.cloning, snapshots=()), self._generator)
+
+    def _on_side(self, side: Side) -> list[Policy]:
+        """Policies of the strategies that were trained and play that side."""
+        names = self.policies.layout.labels[: self._trained]
+        return [
+            self.policies.policy(name)
+            for name in names
+            if self._ground.facts[StrategyLabel(name)].side is side
+        ]
 
 
 _ANY = StrategyLabel("any")

@@ -7,16 +7,20 @@ how the recorded joints depart from it, tick by tick, is added to what it does a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, observe
+from msrd_ros.learning.policy import Policy
 from msrd_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
+
+_SUM_WEIGHT = 100.0
 
 
 class Motions(NamedTuple):
@@ -24,6 +28,27 @@ class Motions(NamedTuple):
 
     observations: Array
     actions: Array
+
+
+def nearest_weights(policies: Sequence[Policy], observations: Array, actions: Array) -> dict[str, float]:
+    """Weights, by name, with which policies together do most nearly what was recorded.
+
+    Least squares with weights that are not negative and sum to 1; 0 is left out.
+
+    Parameters
+    ----------
+    observations, actions
+        ``[M, T+1, N+6]`` and ``[M, T_act, N]``, from the first acting step on.
+    """
+    seen = observations[:, : actions.shape[1]]
+    columns = np.stack(
+        [np.asarray(policy.act(seen), dtype=np.float64).ravel() for policy in policies], axis=1
+    )
+    # A heavy row for the sum; what is left of it is divided out.
+    heavy = _SUM_WEIGHT * np.abs(columns).max() * np.sqrt(len(columns))
+    found, _ = nnls(np.vstack([columns, np.full(len(policies), heavy)]), np.append(actions.ravel(), heavy))
+    shares = found / found.sum()
+    return {policy.label: float(share) for policy, share in zip(policies, shares, strict=True) if share > 0.0}
 
 
 def transfer(
