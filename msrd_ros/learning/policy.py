@@ -127,6 +127,14 @@ class PolicySet:
         layout = replace(self.layout, labels=(*self.layout.labels, policy.label))
         return replace(self, layout=layout, tensors=shared | joined)
 
+    def without(self, label: str) -> PolicySet:
+        """One strategy less."""
+        row = self.layout.labels.index(label)
+        stacked = [name for name in self.tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]
+        fewer = {name: np.delete(self.tensors[name], row, axis=0) for name in stacked}
+        labels = tuple(name for name in self.layout.labels if name != label)
+        return replace(self, layout=replace(self.layout, labels=labels), tensors=self.tensors | fewer)
+
     @property
     def digest(self) -> str:
         """SHA-256 over names, shapes and values of the tensors."""

@@ -1,10 +1,10 @@
 """The courses of known strategies, and how well they and others explain the course of a demonstration.
 
-A course is the mean state in each of a few phases of a trajectory. Demonstrations of one strategy differ from
-it by deviates that are made unit normal (whitened). What tells K strategies apart lies in the K - 1 directions
-between their centres; what lies off them tells a stranger from all. How far demonstrations stray along and off
-these directions is measured with those of the same person left out, or a person would be measured by
-themselves; and with whole strategies left out, or nothing would be known of strangers.
+A course is the mean state in each of a few phases of a trajectory. Demonstrations of one strategy differ
+from it by deviates that are made unit normal (whitened). What tells K strategies apart lies in the K - 1
+directions between their centres; what lies off them tells a stranger from all. How far demonstrations stray
+along and off these directions is measured with those of the same person left out, or a person would be
+measured by themselves; and with whole strategies left out, or nothing would be known of strangers.
 """
 
 from __future__ import annotations
@@ -126,8 +126,8 @@ class Courses:
         labels
             Whose each is.
         people
-            Who showed each: what a stranger will be like follows from how people differ. Empty: each was shown
-            by somebody else.
+            Who showed each: what a stranger will be like follows from how people differ. Empty: each was
+            shown by somebody else.
 
         Raises
         ------
@@ -147,8 +147,8 @@ class Courses:
         measured = [left for left in left_out if set(data.members[~left]) == set(data.members)]
         if sum(int(left.sum()) for left in measured) < 2 * len(names):
             raise UserError(
-                "newcomers: too few demonstrations to know how far those of one strategy lie apart; give two or "
-                "more of each strategy, or of more people"
+                "newcomers: too few demonstrations to know how far those of one strategy lie apart; give two "
+                "or more of each strategy, or of more people"
             )
         return cls(names, centres, counts, frame, data.usual(frame, centres, measured))
 
@@ -205,6 +205,12 @@ class Courses:
             counts=np.append(self.counts, count),
         )
 
+    def without(self, name: str) -> Courses:
+        """One strategy less."""
+        kept = np.array([known != name for known in self.names])
+        names = tuple(known for known in self.names if known != name)
+        return replace(self, names=names, centres=self.centres[kept], counts=self.counts[kept])
+
     def with_member(self, name: str, course: Array, count: int) -> Courses:
         """More demonstrations of a known strategy."""
         row = self.names.index(name)
@@ -251,7 +257,7 @@ class _Known:
         )
 
     def fitted(self, used: NDArray[np.bool_]) -> tuple[Frame, Array, NDArray[np.int64]]:
-        """Frame, whitened centres and counts by the courses that are `used`, strategies without any left out."""
+        """Frame, whitened centres and counts by the courses that are `used`, of strategies that have any."""
         members = np.unique(self.members[used], return_inverse=True)[1].astype(np.int64)
         courses = self.courses[used]
         counts = np.bincount(members)

@@ -18,7 +18,7 @@ from msrd_ros.learning.newcomers.courses import PHASES, Courses, course_of
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
 from msrd_ros.learning.newcomers.one_policy import fit_policy
 from msrd_ros.learning.newcomers.recognition import Recognition, Verdict, recognise
-from msrd_ros.learning.newcomers.strategy_reward import learn_strategy_reward, used_log_prob
+from msrd_ros.learning.newcomers.strategy_reward import learn_strategy_reward, used_log_prob, without_strategy
 from msrd_ros.learning.places import find_place
 from msrd_ros.learning.policy import Policy
 from msrd_ros.learning.recipe import default_config
@@ -28,6 +28,12 @@ Array = NDArray[np.float64]
 
 OWN_EPISODES = 8
 """Played by a new policy, to tell its teacher's states from what comes of cloning them."""
+
+
+MOST_SHOWN = 12
+"""Demonstrations of one newcomer that count, the latest."""
+SAME_WEIGHTS = 0.15
+"""As far apart, the weights of two mixtures are the same."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +59,8 @@ class Newcomers:
     """A learned result that teachers are added to, one by one, in a time that does not depend on how many.
 
     R0 and the strategy rewards and policies that there are stay as they are, to the bit: what was good stays
-    good. A known strategy is left alone; a mixture of two gets a policy, and its reward is the mean of theirs;
-    only what is new gets a strategy reward of its own.
+    good. A known strategy is left alone; a mixture of two gets a policy, and its reward is the mean of
+    theirs; only what is new gets a strategy reward of its own.
 
     Parameters
     ----------
@@ -113,12 +119,17 @@ class Newcomers:
         self._rng = np.random.default_rng(seed)
         self._generator = torch.Generator().manual_seed(seed)
         self._seen: list[NDArray[np.floating]] = []
-        self._others = [
-            self._transitions(
-                demonstrations.observations[row, column][None], demonstrations.actions[row, column][None]
-            )
-            for row, column in places
-        ]
+        self._known = Transitions.join(
+            [
+                self._transitions(
+                    demonstrations.observations[row, column, : counts[row, column] + 1][None],
+                    demonstrations.actions[row, column, : counts[row, column]][None],
+                )
+                for row, column in places
+            ]
+        )
+        self._learned_of: dict[str, Transitions] = {}
+        self._shown: dict[str, tuple[Array, Array]] = {}
 
     @property
     def layout(self) -> Layout:
@@ -133,12 +144,13 @@ class Newcomers:
         Parameters
         ----------
         observations, actions
-            ``[T+1, O]`` and ``[T_act, A]`` of each of the teacher's demonstrations, all of one strategy and of
-            one length.
+            ``[T+1, O]`` and ``[T_act, A]`` of each of the teacher's demonstrations, all of one strategy and
+            of one length.
         name
             What it is called; None: nobody has said. A known strategy's name is believed as far as the
-            demonstration goes with it. A name that there is not yet will play in any case: if it is recognised
-            as a known strategy, as a mixture of that alone.
+            demonstration goes with it. A new name will play in any case: if it is recognised as a known
+            strategy, as a mixture of that alone. What is shown under a newcomer's name counts together with
+            what was shown under it before.
 
         Raises
         ------
@@ -146,24 +158,53 @@ class Newcomers:
             If a demonstration does not go with the layout, or holds numbers that are not finite.
         """
         seen, done = self._checked(observations, actions)
+        if name in self._shown:
+            seen, done = self._with_earlier(str(name), seen, done)
+            self.forget(str(name))
         self._seen = []
-        recognition = self.recognise(seen, name)
+        recognition = self.recognise(list(seen), name)
         is_new_name = name is not None and name not in self.policies.layout.labels
-        called = str(name) if is_new_name else self._made_up()
+        strategy = recognition.strategy
         course = course_of(list(seen))
         if recognition.verdict is Verdict.KNOWN:
-            strategy = recognition.strategy
             self.courses = self.courses.with_member(strategy, course, len(seen))
-            if not is_new_name:
-                return Meeting(strategy, recognition, recognition.episodes)
-            self._add_mixture(called, {strategy: 1.0}, seen, done)
-        elif recognition.verdict is Verdict.MIXTURE:
-            self._add_mixture(called, recognition.weights, seen, done)
-        else:
-            self._add_strategy(called, seen, done, recognition)
+        if not is_new_name:
+            there = strategy if recognition.verdict is Verdict.KNOWN else self._like(recognition)
+            if there is not None:
+                return Meeting(there, recognition, recognition.episodes)
+        called = str(name) if is_new_name else self._made_up()
+        self._shown[called] = seen, done
+        if recognition.verdict is Verdict.NEW:
+            self._add_strategy(called, seen, done, strategy)
             self.courses = self.courses.with_strategy(called, course, len(seen))
             return Meeting(called, recognition, recognition.episodes + OWN_EPISODES)
+        weights = {strategy: 1.0} if recognition.verdict is Verdict.KNOWN else recognition.weights
+        self.policies = self.policies.with_policy(
+            self._policy_of(called, weights, seen, done, is_mixture=True)
+        )
+        self.mixtures[called] = dict(weights)
         return Meeting(called, recognition, recognition.episodes)
+
+    def forget(self, name: str) -> None:
+        """Take a newcomer away again; what was learned of others stays, mixtures with it keep their policy.
+
+        Raises
+        ------
+        UserError
+            If no newcomer has that name: what was trained stays.
+        """
+        if name not in self._shown:
+            raise UserError(f"newcomers: {name!r} is none; there are {', '.join(self._shown) or 'none'}")
+        del self._shown[name]
+        self.policies = self.policies.without(name)
+        if self.mixtures.pop(name, None) is not None:
+            return
+        rewards, row = self.learned.rewards, self.learned.labels.index(name)
+        if rewards is not None:
+            rewards = without_strategy(rewards, row, self._generator)
+        self.learned = replace(self.learned, policies=self.learned.policies.without(name), rewards=rewards)
+        self.courses = self.courses.without(name)
+        self._learned_of.pop(name, None)
 
     def recognise(self, observations: Sequence[NDArray[np.floating]], name: str | None = None) -> Recognition:
         """Say what demonstrations are, and change nothing; see `meet`."""
@@ -215,34 +256,51 @@ class Newcomers:
         return MixedPolicy(parts, noise, self._place.scale)
 
     def _pooled_states(self) -> Array:
-        """All states that mixtures were in at this meeting, ``[M, T+1, O]``; short trajectories stay at the end."""
+        """All states that mixtures were in at this meeting, ``[M, T+1, O]``; short ones stay at their end."""
         longest = max(map(len, self._seen))
         return np.stack(
             [np.concatenate([seen, np.repeat(seen[-1:], longest - len(seen), axis=0)]) for seen in self._seen]
         ).astype(np.float64)
 
-    def _add_mixture(self, name: str, weights: dict[str, float], observations: Array, actions: Array) -> None:
-        policy = self._policy_of(name, weights, observations, actions, is_mixture=True)
-        self.policies = self.policies.with_policy(policy)
-        self.mixtures[name] = dict(weights)
+    def _with_earlier(self, name: str, observations: Array, actions: Array) -> tuple[Array, Array]:
+        """Together with the latest that was shown under the same name."""
+        earlier, done = self._shown[name]
+        if earlier.shape[1:] != observations.shape[1:] or done.shape[1:] != actions.shape[1:]:
+            raise UserError(
+                f"newcomer {name}: has {observations.shape[1]} states, those before {earlier.shape[1]}; "
+                "choose another name"
+            )
+        return (
+            np.concatenate([earlier, observations])[-MOST_SHOWN:],
+            np.concatenate([done, actions])[-MOST_SHOWN:],
+        )
 
-    def _add_strategy(self, name: str, observations: Array, actions: Array, found: Recognition) -> None:
-        nearest = {found.strategy: 1.0}
-        policy = self._policy_of(name, nearest, observations, actions, is_mixture=False)
+    def _like(self, recognition: Recognition) -> str | None:
+        """A mixture that there is already with about the same weights."""
+        if recognition.verdict is not Verdict.MIXTURE:
+            return None
+        for name, weights in self.mixtures.items():
+            parts = {*weights, *recognition.weights}
+            apart = [abs(weights.get(part, 0.0) - recognition.weights.get(part, 0.0)) for part in parts]
+            if max(apart) <= SAME_WEIGHTS:
+                return name
+        return None
+
+    def _add_strategy(self, name: str, observations: Array, actions: Array, nearest: str) -> None:
+        policy = self._policy_of(name, {nearest: 1.0}, observations, actions, is_mixture=False)
         self.policies = self.policies.with_policy(policy)
         rewards = self.learned.rewards
         if rewards is not None:
             shown = self._transitions(observations, actions, policy)
-            played = self._own_rollouts(policy)
             rewards = learn_strategy_reward(
                 rewards,
                 shown,
-                played,
-                Transitions.join(self._others),
+                self._own_rollouts(policy),
+                Transitions.join([self._known, *self._learned_of.values()]),
                 self.config.discriminator,
                 self._generator,
             )
-            self._others.append(shown)
+            self._learned_of[name] = shown
         self.learned = replace(
             self.learned, policies=self.learned.policies.with_policy(policy), rewards=rewards
         )
@@ -285,8 +343,8 @@ class Newcomers:
     ) -> tuple[Array, Array]:
         if len(observations) != len(actions) or not len(observations):
             raise UserError(
-                f"newcomer: {len(observations)} arrays of observations and {len(actions)} of actions; give one "
-                "of each for every demonstration, one at least"
+                f"newcomer: {len(observations)} arrays of observations and {len(actions)} of actions; give "
+                "one of each for every demonstration, one at least"
             )
         seen = [np.asarray(array, dtype=np.float64) for array in observations]
         done = [np.asarray(array, dtype=np.float64) for array in actions]
@@ -294,13 +352,14 @@ class Newcomers:
             wanted = len(self.layout.observation_names), len(self.layout.action_names)
             if states.ndim != 2 or moves.ndim != 2 or (states.shape[1], moves.shape[1]) != wanted:
                 raise UserError(
-                    f"newcomer: demonstration {number} has observations {states.shape} and actions {moves.shape}; "
+                    f"newcomer: demonstration {number} has observations {states.shape} and actions "
+                    f"{moves.shape}; "
                     f"give [T+1, {wanted[0]}] and [T, {wanted[1]}]"
                 )
             if len(states) <= max(len(moves), PHASES):
                 raise UserError(
-                    f"newcomer: demonstration {number} has {len(states)} states and {len(moves)} actions; give "
-                    f"one state more than actions, and more than {PHASES}"
+                    f"newcomer: demonstration {number} has {len(states)} states and {len(moves)} actions; "
+                    f"give one state more than actions, and more than {PHASES}"
                 )
             if not (np.isfinite(states).all() and np.isfinite(moves).all()):
                 raise UserError(f"newcomer: demonstration {number} holds a number that is not finite")

@@ -1,4 +1,4 @@
-"""A single policy, fitted to what a newcomer did or to what a mixture would do, from a policy that there is."""
+"""A single policy, fitted to what a newcomer did or a mixture would do, from a policy that there is."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def fit_policy(
     Parameters
     ----------
     start
-        What it is before: where the demonstrations say nothing, it stays about like that. Sees and explores as
-        the result does.
+        What it is before: where the demonstrations say nothing, it stays about like that. Sees and explores
+        as the result does.
     demonstrations
         Of one strategy, actions in the environment's units; their label is the result's.
     config

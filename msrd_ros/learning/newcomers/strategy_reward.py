@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -97,31 +98,62 @@ def _drawn(rows: tuple[Transitions, Transitions], amount: int, generator: torch.
 
 def _appended(rewards: RewardModel, pair: RewardModel, generator: torch.Generator) -> RewardModel:
     """`rewards` with the first strategy of `pair` as one more."""
-    groups = range(rewards.strategies) if rewards.reward_groups is None else rewards.reward_groups.tolist()
-    grown = RewardModel(
+    groups = _groups(rewards)
+    return _composed(
+        rewards,
+        [(rewards.strategy_network, row) for row in range(rewards.strategy_network.copies)]
+        + [(pair.strategy_network, 0)],
+        (*groups, max(groups) + 1),
+        (*rewards.alpha[:, 0].tolist(), float(pair.alpha[0])),
+        generator,
+    )
+
+
+def without_strategy(rewards: RewardModel, strategy: int, generator: torch.Generator) -> RewardModel:
+    """Rewards without one strategy that shares its reward with no other; the others stay, to the bit."""
+    groups = _groups(rewards)
+    gone = groups[strategy]
+    kept = [row for row in range(rewards.strategies) if row != strategy]
+    return _composed(
+        rewards,
+        [(rewards.strategy_network, row) for row in range(rewards.strategy_network.copies) if row != gone],
+        tuple(groups[row] - (groups[row] > gone) for row in kept),
+        tuple(float(rewards.alpha[row, 0]) for row in kept),
+        generator,
+    )
+
+
+def _groups(rewards: RewardModel) -> list[int]:
+    groups = rewards.reward_groups
+    return list(range(rewards.strategies)) if groups is None else [int(group) for group in groups]
+
+
+def _composed(
+    rewards: RewardModel,
+    networks: Sequence[tuple[BatchedMLP, int]],
+    groups: tuple[int, ...],
+    alpha: tuple[float, ...],
+    generator: torch.Generator,
+) -> RewardModel:
+    """R0 of `rewards` and strategy networks taken from anywhere, by row."""
+    model = RewardModel(
         RewardForm.TWO_COLUMN,
-        rewards.strategies + 1,
+        len(groups),
         copy.deepcopy(rewards.task_features),
         copy.deepcopy(rewards.strategy_features),
         rewards.task_network.sizes[0] - rewards.task_features.width,
         tuple(rewards.strategy_network.sizes[1:-1]),
-        tuple([*rewards.alpha[:, 0].tolist(), float(pair.alpha[0])]),
+        alpha,
         generator,
         discount=rewards.discount,
-        reward_groups=(*groups, max(groups) + 1),
+        reward_groups=groups,
     )
-    grown.task_network.load_state_dict(rewards.task_network.state_dict())
-    _join(grown.strategy_network, rewards.strategy_network, pair.strategy_network)
-    return grown.requires_grad_(False)
-
-
-@torch.no_grad()
-def _join(into: BatchedMLP, known: BatchedMLP, newcomer: BatchedMLP) -> None:
-    for name in ("weights", "biases"):
-        for target, first, second in zip(
-            getattr(into, name), getattr(known, name), getattr(newcomer, name), strict=True
-        ):
-            target.copy_(torch.cat([first, second[:1]]))
+    model.task_network.load_state_dict(rewards.task_network.state_dict())
+    with torch.no_grad():
+        for name in ("weights", "biases"):
+            for layer, target in enumerate(getattr(model.strategy_network, name)):
+                target.copy_(torch.stack([getattr(network, name)[layer][row] for network, row in networks]))
+    return model.requires_grad_(False)
 
 
 def used_log_prob(log_prob: np.ndarray, deviation: np.ndarray, config: DiscriminatorConfig) -> Tensor:

@@ -13,10 +13,10 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
-from msrd_ros.learning.newcomers.newcomers import Meeting, Newcomers
+from msrd_ros.learning.newcomers.newcomers import MOST_SHOWN, Meeting, Newcomers
 from msrd_ros.learning.newcomers.one_policy import fit_policy
 from msrd_ros.learning.policy import Policy
-from msrd_ros.learning.rewards import RewardModel
+from msrd_ros.learning.rewards import RewardForm, RewardModel
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts
 from msrd_ros.robots.robot import Robot
@@ -33,6 +33,7 @@ from msrd_ros.table_tennis.strokes.description import met_side
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.presets import with_recovery_labels
 from msrd_ros.table_tennis.strokes.training import (
+    StrokeTraining,
     StrokeTrainingConfig,
     mean_landing_points,
     stroke_recipe,
@@ -115,8 +116,8 @@ class StrokeNewcomers(Newcomers):
         demonstrations = gather_demonstrations(episodes, strategies or Strategies.shipped())
         if demonstrations.layout.labels != policies.policies.layout.labels:
             raise UserError(
-                f"newcomers: the policies are of {', '.join(policies.policies.layout.labels)}, the strokes of "
-                f"{', '.join(demonstrations.layout.labels)}; give those that they were learned from"
+                f"newcomers: the policies are of {', '.join(policies.policies.layout.labels)}, the strokes "
+                f"of {', '.join(demonstrations.layout.labels)}; give those that they were learned from"
             )
         recipe = with_recovery_labels(
             stroke_recipe(config, policies.labels, self.robot, strategies),
@@ -126,6 +127,7 @@ class StrokeNewcomers(Newcomers):
         self._trained = len(policies.labels)
         self._ground = MixedStrokes(dict(policies.facts), self.robot, config)
         self._arriving: StrokeFacts | None = None
+        self._recorded: dict[str, list[Episode]] = {}
         ordered = [e for label in policies.labels for e in episodes if e.label == label]
         super().__init__(
             Learned(policies.policies, rewards, {"method": config.method}),
@@ -139,6 +141,17 @@ class StrokeNewcomers(Newcomers):
             side: np.stack([_shown(e)[:, self.robot.joint_count :] for e in ordered if met_side([e]) is side])
             for side in {met_side([episode]) for episode in ordered}
         }
+
+    @classmethod
+    def of_training(cls, training: StrokeTraining, episodes: Sequence[Episode]) -> StrokeNewcomers:
+        """From a run that is over, with the strokes that it learned from.
+
+        Where its method does not part R0 from S_i, newcomers get policies and no rewards.
+        """
+        rewards = training.trainer.averaged_rewards if training.method.has_rewards else None
+        if rewards is not None and rewards.form is not RewardForm.TWO_COLUMN:
+            rewards = None
+        return cls(training.policies(), rewards, episodes, training.config, training.strategies)
 
     @property
     def stroke_policies(self) -> StrokePolicies:
@@ -165,13 +178,16 @@ class StrokeNewcomers(Newcomers):
         side = sides.pop()
         if side not in self._balls:
             raise UserError(f"newcomer: no known strategy plays {side}; learn one there first")
-        pose = np.mean([episode.joint_position[0] for episode in episodes], axis=0)
-        landings = list(mean_landing_points([replace(e, label=_ANY) for e in episodes]).values())
+        together = [*self._recorded.get(name, ()), *episodes][-MOST_SHOWN:] if name else list(episodes)
+        pose = np.mean([episode.joint_position[0] for episode in together], axis=0)
+        landings = list(mean_landing_points([replace(e, label=_ANY) for e in together]).values())
         self._arriving = StrokeFacts(pose, landings[0] if landings else np.full(2, np.nan), side)
         acting = slice(FIRST_ACTING_STEP, FIRST_ACTING_STEP + ACTING_STEPS)
-        return self.meet(
+        met = self.meet(
             [_shown(episode) for episode in episodes], [episode.actions[acting] for episode in episodes], name
         )
+        self._recorded[met.name] = together
+        return met
 
     def may_mix(self, first: str, second: str) -> bool:
         """Strokes of one side alone."""
