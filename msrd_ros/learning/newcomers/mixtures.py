@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.special import logsumexp
 
-from msrd_ros.learning.newcomers.courses import Courses, course_of
+from msrd_ros.learning.newcomers.courses import Courses
+from msrd_ros.learning.newcomers.frame import course_of
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,9 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.learned import Learned
-from msrd_ros.learning.newcomers.courses import PHASES, Courses, course_of
+from msrd_ros.learning.newcomers.arrivals import checked
+from msrd_ros.learning.newcomers.courses import Courses
+from msrd_ros.learning.newcomers.frame import course_of
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
 from msrd_ros.learning.newcomers.one_policy import fit_policy
 from msrd_ros.learning.newcomers.recognition import Recognition, Verdict, recognise
@@ -157,7 +159,7 @@ class Newcomers:
         UserError
             If a demonstration does not go with the layout, or holds numbers that are not finite.
         """
-        seen, done = self._checked(observations, actions)
+        seen, done = checked(self.layout, observations, actions)
         if name in self._shown:
             seen, done = self._with_earlier(str(name), seen, done)
             self.forget(str(name))
@@ -337,35 +339,3 @@ class Newcomers:
         while f"strategy-{number}" in self.policies.layout.labels:
             number += 1
         return f"strategy-{number}"
-
-    def _checked(
-        self, observations: Sequence[ArrayLike], actions: Sequence[ArrayLike]
-    ) -> tuple[Array, Array]:
-        if len(observations) != len(actions) or not len(observations):
-            raise UserError(
-                f"newcomer: {len(observations)} arrays of observations and {len(actions)} of actions; give "
-                "one of each for every demonstration, one at least"
-            )
-        seen = [np.asarray(array, dtype=np.float64) for array in observations]
-        done = [np.asarray(array, dtype=np.float64) for array in actions]
-        for number, (states, moves) in enumerate(zip(seen, done, strict=True)):
-            wanted = len(self.layout.observation_names), len(self.layout.action_names)
-            if states.ndim != 2 or moves.ndim != 2 or (states.shape[1], moves.shape[1]) != wanted:
-                raise UserError(
-                    f"newcomer: demonstration {number} has observations {states.shape} and actions "
-                    f"{moves.shape}; "
-                    f"give [T+1, {wanted[0]}] and [T, {wanted[1]}]"
-                )
-            if len(states) <= max(len(moves), PHASES):
-                raise UserError(
-                    f"newcomer: demonstration {number} has {len(states)} states and {len(moves)} actions; "
-                    f"give one state more than actions, and more than {PHASES}"
-                )
-            if not (np.isfinite(states).all() and np.isfinite(moves).all()):
-                raise UserError(f"newcomer: demonstration {number} holds a number that is not finite")
-            if states.shape != seen[0].shape or moves.shape != done[0].shape:
-                raise UserError(
-                    f"newcomer: demonstration {number} has {len(states)} states, the first {len(seen[0])}; "
-                    "give them one by one"
-                )
-        return np.stack(seen), np.stack(done)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from msrd_ros.learning.newcomers.courses import Courses, course_of
+from msrd_ros.learning.newcomers.courses import Courses
+from msrd_ros.learning.newcomers.frame import course_of
 from msrd_ros.learning.newcomers.mixtures import Mixture, Player, find_mixture, nearest_pair
 
 TRUST = 0.7

@@ -1,8 +1,8 @@
 """One recorded stroke as many: what its teacher would have done against the balls that others met.
 
-A recording says how its teacher moves, but not how the motion changes with the ball; known strategies do. So a
-known policy is played, without a simulator, against the ball that the recording shows and against others', and
-how the recorded joints depart from it, tick by tick, is added to what it does against each.
+A recording says how its teacher moves, but not how the motion changes with the ball; known strategies do. So
+a known policy is played, without a simulator, against the ball that the recording shows and against others',
+and how the recorded joints depart from it, tick by tick, is added to what it does against each.
 """
 
 from __future__ import annotations

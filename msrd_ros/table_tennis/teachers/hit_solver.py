@@ -65,6 +65,11 @@ def rates_of(hit: Array) -> Array:
     return hit[1 + len(hit) // 2 :]
 
 
+def hit_of(time_s: float, position: Array, velocity: Array, speed_rad_s: Array) -> Array:
+    """A hit (1 + 2 N,) from joint angles (N,) in rad and rates (N,) in rad/s; speed limits (N,)."""
+    return np.concatenate([[time_s], position, velocity / speed_rad_s])
+
+
 class HitWish(NamedTuple):
     """What is wanted of a hit.
 
