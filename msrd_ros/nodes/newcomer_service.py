@@ -15,7 +15,7 @@ from msrd_ros.contract.topics import FEED
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.common import COMMAND, EVENT, StackNode
 from msrd_ros.nodes.led_stroke import read_verdicts
-from msrd_ros.recordings.newcomer_session import NewcomerSession, Taken
+from msrd_ros.table_tennis.strokes.newcomer_session import NewcomerSession, Taken
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 _VERDICT = "recorder/verdict"

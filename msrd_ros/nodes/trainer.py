@@ -40,13 +40,14 @@ from msrd_ros.nodes.newcomer_service import NewcomerService
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.nodes.training_thread import TrainingThread
-from msrd_ros.recordings.newcomer_session import NewcomerSession
+from msrd_ros.recordings.episodes import read_kept
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
 from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, sort_strokes
+from msrd_ros.table_tennis.strokes.newcomer_session import NewcomerSession
 from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
@@ -406,7 +407,7 @@ class Trainer(ManagedNode):
         assert self._training is not None
         known = StrokeNewcomers.of_training(self._training, self._episodes)
         names = parse_topic_names(self.config.topics, "parameter topics of trainer")
-        session = NewcomerSession(known, self._out, names)
+        session = NewcomerSession(known, self._out, lambda bag: read_kept(bag, self._robot, names))
         self._send_policies(session.policies)
         service.begin(session)
         self._held.callback(service.close)

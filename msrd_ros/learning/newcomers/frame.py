@@ -90,6 +90,7 @@ class KnownCourses:
     def of(
         cls, observations: Sequence[NDArray[np.floating]], labels: Sequence[str], names: tuple[str, ...]
     ) -> KnownCourses:
+        """From trajectories ``[T+1, O]`` and whose each is."""
         column = np.concatenate([np.asarray(seen, dtype=np.float64) for seen in observations]).std(axis=0)
         return cls(
             np.stack([_course(seen) for seen in observations]),

@@ -35,7 +35,7 @@ class Mixture:
     weights
         By name; they sum to 1.
     log_evidence
-        Of the demonstration if some mixture of the two made it, all weights being as likely beforehand; see
+        Of the demonstration if some mixture of the two made it, all weights being as likely a priori; see
         `Courses.log_evidence`.
     episodes
         That were played to find them.

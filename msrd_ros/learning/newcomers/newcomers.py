@@ -24,6 +24,7 @@ from msrd_ros.learning.newcomers.strategy_reward import learn_strategy_reward, u
 from msrd_ros.learning.places import find_place
 from msrd_ros.learning.policy import Policy
 from msrd_ros.learning.recipe import default_config
+from msrd_ros.learning.threads import one_thread
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 
 Array = NDArray[np.float64]
@@ -160,6 +161,10 @@ class Newcomers:
             If a demonstration does not go with the layout, or holds numbers that are not finite.
         """
         seen, done = checked(self.layout, observations, actions)
+        with one_thread():
+            return self._meet(seen, done, name)
+
+    def _meet(self, seen: Array, done: Array, name: str | None) -> Meeting:
         if name in self._shown:
             seen, done = self._with_earlier(str(name), seen, done)
             self.forget(str(name))

@@ -89,7 +89,7 @@ class Recognition:
 
 
 def say_weights(weights: dict[str, float]) -> str:
-    """For people, such as ``0.70 push + 0.30 slice``."""
+    """For people, such as ``0.70 high + 0.30 low``."""
     return " + ".join(f"{weight:.2f} {name}" for name, weight in weights.items() if weight > 0.0)
 
 
@@ -117,7 +117,7 @@ def recognise(
 
     Notes
     -----
-    Beforehand a demonstration is as likely known, a mixture or new, and every strategy and pair as likely as
+    A priori a demonstration is as likely known, a mixture or new, and every strategy and pair as likely as
     another; a label moves `TRUST` to what it says. A demonstration that is nearer to one strategy than half
     of its own ones are is not mixed: nothing is played.
     """
@@ -132,13 +132,13 @@ def recognise(
         for row, first in enumerate(courses.names)
         for second in courses.names[row + 1 :]
     )
-    beforehand = _beforehand(courses.names, mixture is not None, max(pairs, 1), label)
+    prior = _prior(courses.names, mixture is not None, max(pairs, 1), label)
     evidence = [
         *known_evidence,
         mixture.log_evidence if mixture else -np.inf,
         courses.strange_evidence(course),
     ]
-    beliefs = softmax(np.log(np.maximum(beforehand, 1e-300)) + np.array(evidence))
+    beliefs = softmax(np.log(np.maximum(prior, 1e-300)) + np.array(evidence))
     known = dict(zip(courses.names, beliefs[:-2].tolist(), strict=True))
     kinds = {
         Verdict.KNOWN: float(beliefs[:-2].sum()),
@@ -157,7 +157,7 @@ def recognise(
     )
 
 
-def _beforehand(names: tuple[str, ...], mixed: bool, pairs: int, label: str | None) -> NDArray[np.float64]:
+def _prior(names: tuple[str, ...], mixed: bool, pairs: int, label: str | None) -> NDArray[np.float64]:
     """Probabilities of each known strategy, of the best pair, and of something new."""
     known = np.full(len(names), 1.0 / len(names))
     shares = np.array([1.0, 1.0 if mixed else 0.0, 1.0])

@@ -65,8 +65,8 @@ def transfer(
     ready_pose
         Where its joints wait, ``[N]``, rad.
     shown
-        Observations ``[M, T+1, N+6]`` of the recorded strokes, from the first acting step on; their departures
-        are averaged.
+        Observations ``[M, T+1, N+6]`` of the recorded strokes, from the first acting step on; their
+        departures are averaged.
     balls
         Ball columns ``[B, T+1, 6]`` of strokes on the same side.
     """

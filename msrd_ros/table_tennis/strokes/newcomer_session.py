@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.files import write_atomically
 from msrd_ros.core.formats import FIRST_FORMAT, FORMAT_KEY, require_format
 from msrd_ros.learning.newcomers.newcomers import Meeting
-from msrd_ros.recordings.episodes import read_bag
 from msrd_ros.table_tennis.strokes.description import Description, met_side
 from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
@@ -71,13 +69,15 @@ class NewcomerSession:
         The learned result; what was learned of stays as it is.
     out
         Folder of `POLICIES_FILE` and `JOURNAL_FILE`.
-    topics
-        What topics are called in the bags, where they are called otherwise.
+    read
+        Gives the accepted strokes of a bag, one at least, labelled or not.
     """
 
-    def __init__(self, newcomers: StrokeNewcomers, out: Path, topics: Mapping[str, str]) -> None:
+    def __init__(
+        self, newcomers: StrokeNewcomers, out: Path, read: Callable[[Path], Sequence[Episode]]
+    ) -> None:
         self.newcomers = newcomers
-        self._out, self._topics = out, dict(topics)
+        self._out, self._read_bag = out, read
         self._taken: list[dict[str, Any]] = []
 
     @property
@@ -128,12 +128,10 @@ class NewcomerSession:
                 f"bag {bag}: is not on this machine; run the trainer where the recorder writes, or share its "
                 "folder"
             )
-        reading = read_bag(Bag(bag, self._topics), self.newcomers.robot, unlabelled=True)
-        if not reading.episodes:
-            raise UserError(f"bag {bag}: {reading.refused[0] if reading.refused else 'holds no stroke'}")
-        if len({episode.label for episode in reading.episodes}) > 1:
+        episodes = self._read_bag(bag)
+        if len({episode.label for episode in episodes}) > 1:
             raise UserError(f"bag {bag}: shows several strategies; give one bag for each")
-        return reading.episodes
+        return episodes
 
     def _meet(self, bag: Path, episodes: Sequence[Episode]) -> Taken:
         label = episodes[0].label
