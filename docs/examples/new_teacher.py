@@ -52,8 +52,8 @@ learned = msrd.train(demonstrations, Road(), config=recipe, progress=False)
 
 newcomers = msrd.Newcomers(learned, demonstrations, Road(), recipe)
 for name, goal in (("again-right", 1.0), ("far", 4.0)):
-    observations, actions = drive(goal)
-    meeting = newcomers.meet([observations], [actions], name)
+    seen, done = drive(goal)
+    meeting = newcomers.meet([seen], [done], name)
     print(f"{name}: {meeting.recognition}; {meeting.episodes} episodes")
 print("strategies:", *newcomers.learned.labels)
 print("mixtures:", newcomers.mixtures)
