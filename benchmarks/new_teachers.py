@@ -67,9 +67,6 @@ TEACHERS = {
     "between-push-and-slice": OwnStroke.between(Side.FOREHAND, Stroke.PUSH, Stroke.SLICE, 0.5),
     "between-slice-and-topspin": OwnStroke.between(Side.FOREHAND, Stroke.SLICE, Stroke.TOPSPIN, 0.7),
     "lob": OwnStroke.lob(Side.FOREHAND),
-    "backhand-between-push-and-slice": OwnStroke.between(Side.BACKHAND, Stroke.PUSH, Stroke.SLICE, 0.5),
-    "backhand-between-slice-and-topspin": OwnStroke.between(Side.BACKHAND, Stroke.SLICE, Stroke.TOPSPIN, 0.7),
-    "backhand-lob": OwnStroke.lob(Side.BACKHAND),
 }
 KNOWN_STRATEGIES = 16
 FIRST_STRATEGIES = 5
@@ -330,11 +327,13 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     for name in options.only:
-        rows = []
+        rows: list[dict[str, Any]] = []
         for row in PARTS[name](options.seeds):
             rows.append(row)
             print(json.dumps({"part": name, **row}), flush=True)
-        print(json.dumps({"part": name, "means": means(rows)}), flush=True)
+        for count in (1, 3) if name == "strokes" else (None,):
+            group = [row for row in rows if row.get("recordings") == count]
+            print(json.dumps({"part": name, "cases": len(group), "means": means(group)}), flush=True)
 
 
 if __name__ == "__main__":
