@@ -4,7 +4,8 @@ Run from the repository: ``python benchmarks/new_teachers.py [--only NAME ...] [
 of JSON for each case, and last the means of each part:
 
 * ``strokes``: teachers between push and slice, between slice and topspin, and one who lobs, of a population
-  that nothing was tuned on, come to the Sawyer's policies that ship; recorded and played in Bullet in this
+  that nothing was tuned on, come to a trainer's run on the bags that ship (``python -m msrd_ros trainer
+  --ros-args -p out:=out/new_teachers -p corrective_cloning:=true``); recorded and played in Bullet in this
   process, as over the topics.
 * ``pendulum``: MSRD learns 16 of the 20 DIAYN strategies and meets the others, from one demonstration each;
   task r and strategy r by the truth, before and after, by the study's own measure.
@@ -19,6 +20,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,8 @@ from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import NANOSECONDS, EpisodeAssembler
-from msrd_ros.core.resources import share_directory, shipped_bags
+from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.harness import CHECKPOINT_FILE
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
 from msrd_ros.learning.newcomers.newcomers import Newcomers
 from msrd_ros.learning.policy import Policy
@@ -56,6 +59,7 @@ from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import Stroke as PlayedStroke
 from msrd_ros.table_tennis.strokes.rollouts import play_stroke
+from msrd_ros.table_tennis.strokes.training import POLICIES_FILE
 from msrd_ros.table_tennis.teachers.guided_stroke import GuidedStroke
 from msrd_ros.table_tennis.teachers.individual import IndividualTeacher, OwnStroke
 
@@ -135,9 +139,10 @@ def played(
     return outcomes
 
 
-def strokes(seeds: int, balls: int = 50, usual: int = 20) -> Iterator[dict[str, Any]]:
+def strokes(seeds: int, run: Path, balls: int = 50, usual: int = 20) -> Iterator[dict[str, Any]]:
     """Every teacher with one recording and with three; its usual spin is that of its next ones."""
-    known = StrokePolicies.load(share_directory() / "config" / "robots" / "sawyer" / "policies.safetensors")
+    known = StrokePolicies.load(run / POLICIES_FILE)
+    rewards = msrd.Learned.load(run / CHECKPOINT_FILE).rewards
     episodes = load_strokes(shipped_bags())
     world = World(WorldConfig())
     for name in TEACHERS:
@@ -146,7 +151,7 @@ def strokes(seeds: int, balls: int = 50, usual: int = 20) -> Iterator[dict[str, 
             teachers_spin = float(np.mean(spins([e.outcome for e in takes[3:] if e.outcome])))
             for count in (1, 3):
                 begin = time.perf_counter()
-                newcomers = StrokeNewcomers(known, None, episodes)
+                newcomers = StrokeNewcomers(known, rewards, episodes)
                 met = newcomers.meet_strokes(takes[:count], StrategyLabel(name))
                 seconds = time.perf_counter() - begin
                 outcomes = played(world, newcomers.stroke_policies, StrategyLabel(met.name), balls, seed)
@@ -200,7 +205,7 @@ def marks(learned: msrd.Learned, test: TestSet, demonstrators: Demonstrators) ->
     }
 
 
-def pendulum(seeds: int) -> Iterator[dict[str, Any]]:
+def pendulum(seeds: int, _: Path) -> Iterator[dict[str, Any]]:
     """Learn 16 strategies, then meet the other four."""
     demonstrators = cached_demonstrators(Kind.DIAYN)
     for seed in range(seeds):
@@ -250,7 +255,7 @@ def pendulum(seeds: int) -> Iterator[dict[str, Any]]:
 # -- a hundred teachers ------------------------------------------------------------------------------
 
 
-def stream(seeds: int) -> Iterator[dict[str, Any]]:
+def stream(seeds: int, _: Path) -> Iterator[dict[str, Any]]:
     """Teachers in a row: half of them are one of the 20, half play a mixture of two of those."""
     demonstrators = cached_demonstrators(Kind.DIAYN)
     teachers = policies_of(demonstrators)
@@ -324,11 +329,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--run", type=Path, default=Path("out/new_teachers"), help="a trainer's folder")
     options = parser.parse_args()
     torch.set_num_threads(1)
     for name in options.only:
         rows: list[dict[str, Any]] = []
-        for row in PARTS[name](options.seeds):
+        for row in PARTS[name](options.seeds, options.run):
             rows.append(row)
             print(json.dumps({"part": name, **row}), flush=True)
         for count in (1, 3) if name == "strokes" else (None,):

@@ -88,6 +88,8 @@ class Newcomers:
         Of all names that can be played: strategies and mixtures.
     mixtures
         Weights of strategies, by the mixture's name.
+    episodes_played
+        At the latest meeting.
 
     Raises
     ------
@@ -122,6 +124,7 @@ class Newcomers:
         self._rng = np.random.default_rng(seed)
         self._generator = torch.Generator().manual_seed(seed)
         self._seen: list[NDArray[np.floating]] = []
+        self.episodes_played = 0
         self._known = Transitions.join(
             [
                 self._transitions(
@@ -168,7 +171,7 @@ class Newcomers:
         if name in self._shown:
             seen, done = self._with_earlier(str(name), seen, done)
             self.forget(str(name))
-        self._seen = []
+        self._seen, self.episodes_played = [], 0
         recognition = self.recognise(list(seen), name)
         is_new_name = name is not None and name not in self.policies.layout.labels
         strategy = recognition.strategy
@@ -178,19 +181,19 @@ class Newcomers:
         if not is_new_name:
             there = strategy if recognition.verdict is Verdict.KNOWN else self._like(recognition)
             if there is not None:
-                return Meeting(there, recognition, recognition.episodes)
+                return Meeting(there, recognition, self.episodes_played)
         called = str(name) if is_new_name else self._made_up()
         self._shown[called] = seen, done
         if recognition.verdict is Verdict.NEW:
             self._add_strategy(called, seen, done, strategy)
             self.courses = self.courses.with_strategy(called, course, len(seen))
-            return Meeting(called, recognition, recognition.episodes + OWN_EPISODES)
+            return Meeting(called, recognition, self.episodes_played)
         weights = {strategy: 1.0} if recognition.verdict is Verdict.KNOWN else recognition.weights
         self.policies = self.policies.with_policy(
             self._policy_of(called, weights, seen, done, is_mixture=True)
         )
         self.mixtures[called] = dict(weights)
-        return Meeting(called, recognition, recognition.episodes)
+        return Meeting(called, recognition, self.episodes_played)
 
     def forget(self, name: str) -> None:
         """Take a newcomer away again; what was learned of others stays, mixtures with it keep their policy.
@@ -226,6 +229,7 @@ class Newcomers:
     def _play(self, policy: MixedPolicy, episodes: int) -> list[NDArray[np.floating]]:
         """Whole trajectories ``[T+1, O]``."""
         played = self._place.collector.collect(policy, episodes, self._rng)  # type: ignore[arg-type]
+        self.episodes_played += episodes
         lengths = np.full(episodes, played.observations.shape[2] - 1)
         if played.lengths is not None:
             lengths = played.lengths[0]

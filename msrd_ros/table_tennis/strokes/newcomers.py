@@ -38,12 +38,19 @@ from msrd_ros.table_tennis.strokes.training import (
     mean_landing_points,
     stroke_recipe,
 )
-from msrd_ros.table_tennis.strokes.transfer import nearest_weights, transfer
+from msrd_ros.table_tennis.strokes.transfer import depart, departing_rates, departure_of, nearest_weights
 
 Array = NDArray[np.float64]
 
 BALLS = 24
 """Of known strokes, that a newcomer's are transferred to."""
+SHARES = (1.0, 0.75, 0.5, 0.25)
+"""Of what a recording departs from the known strokes, that may be learned: it holds slips as well."""
+SHARE_EPISODES = 20
+LEAST_GOOD = 0.95
+"""Share of episodes that have to be as good for the task as known demonstrations."""
+_WORST = 0.02
+"""Quantile of known demonstrations' task reward that counts as good."""
 
 
 @dataclass
@@ -69,16 +76,35 @@ class MixedStrokes:
 
     def collect(self, policy: MixedPolicy, episodes: int, rng: np.random.Generator) -> Rollouts:
         """Play `episodes` strokes."""
+        simulator = self._simulator(policy, self.ready_pose(policy))
+        return BatchedCollector(simulator).collect(policy, episodes, rng)  # type: ignore[arg-type]
+
+    def play_departing(
+        self, policy: MixedPolicy, departure: Array, episodes: int, rng: np.random.Generator
+    ) -> Array:
+        """Observations ``[K, T+1, N+6]`` of strokes that depart from a mixture; see `depart`."""
+        joints, rates = self.robot.joint_count, departing_rates(self.robot, departure)
+        simulator = self._simulator(policy, self.ready_pose(policy) + departure[0])
+        seen = [simulator.reset(1, episodes, rng)]
+        for step in range(simulator.horizon):
+            action = np.zeros((1, episodes, joints))
+            if step < len(rates):
+                there = seen[-1].copy()
+                there[..., :joints] -= departure[step]
+                action = np.clip(policy.mean(there), -1.0, 1.0) + rates[step]
+            seen.append(simulator.step(action))
+        return np.stack(seen, axis=2)[0]
+
+    def _simulator(self, policy: MixedPolicy, ready_pose: Array) -> KinematicRallies:
         config = self.config
         variation = RallyVariation(
             SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m, config.camera_latency_s
         )
         side = self.facts[StrategyLabel(policy.parts[0][1].label)].side
-        simulator = KinematicRallies(
-            [RallyPlan(side, self.ready_pose(policy))],
+        return KinematicRallies(
+            [RallyPlan(side, ready_pose)],
             KinematicRalliesConfig(variation=variation, threads=1, robot=self.robot),
         )
-        return BatchedCollector(simulator).collect(policy, episodes, rng)  # type: ignore[arg-type]
 
 
 class StrokeNewcomers(Newcomers):
@@ -137,6 +163,7 @@ class StrokeNewcomers(Newcomers):
             [episode.subject or episode.source for episode in ordered],
             config.seed,
         )
+        self._good = {} if rewards is None else self._good_enough(ordered)
         self._balls = {
             side: np.stack([_shown(e)[:, self.robot.joint_count :] for e in ordered if met_side([e]) is side])
             for side in {met_side([episode]) for episode in ordered}
@@ -205,7 +232,13 @@ class StrokeNewcomers(Newcomers):
         base = self._mixed(near)
         balls = self._balls[facts.side]
         chosen = self._rng.permutation(len(balls))[:BALLS]
-        motions = transfer(self.robot, base.mean, self._ground.ready_pose(base), observations, balls[chosen])
+        ready_pose = self._ground.ready_pose(base)
+        departure = departure_of(self.robot, base.mean, ready_pose, observations)
+        share = self._share(base, departure, facts.side)
+        motions = depart(self.robot, base.mean, ready_pose, share * departure, balls[chosen])
+        self._ground.facts[StrategyLabel(name)] = replace(facts, ready_pose=ready_pose + share * departure[0])
+        if share < 1.0:
+            observations, actions = observations[:0], actions[:0]
         shown = Demonstrations(
             np.concatenate([observations, motions.observations])[None],
             np.concatenate([actions, motions.actions])[None],
@@ -213,6 +246,35 @@ class StrokeNewcomers(Newcomers):
         )
         start = self.policies.policy(max(near, key=lambda part: near[part]))
         return fit_policy(start, shown, replace(self.config.cloning, snapshots=()), self._generator)
+
+    def _share(self, base: MixedPolicy, departure: Array, side: Side) -> float:
+        """The largest share of a departure with which the task is still done as R0 knows it, played to see.
+
+        A recording holds what its teacher means and what went a little wrong. What all teachers want is
+        known; so far as the way there spoils it, the departure is a slip. Without rewards all is learned.
+        """
+        if side not in self._good:
+            return 1.0
+        for share in SHARES:
+            seen = self._ground.play_departing(base, share * departure, SHARE_EPISODES, self._rng)
+            self.episodes_played += SHARE_EPISODES
+            if (self._task_reward(seen) >= self._good[side]).mean() >= LEAST_GOOD:
+                return share
+        return SHARES[-1]
+
+    def _task_reward(self, observations: Array) -> Array:
+        """Mean R0 of trajectories ``[K, T+1, N+6]``, ``[K]``."""
+        return self.learned.task_reward(observations[:, 1:]).mean(axis=1)
+
+    def _good_enough(self, episodes: Sequence[Episode]) -> dict[Side, float]:
+        """By side, the mean R0 of the worst known demonstrations that count as good."""
+        by_side: dict[Side, list[Episode]] = {}
+        for episode in episodes:
+            by_side.setdefault(met_side([episode]), []).append(episode)
+        return {
+            side: float(np.quantile(self._task_reward(np.stack([_shown(e) for e in own])), _WORST))
+            for side, own in by_side.items()
+        }
 
     def _on_side(self, side: Side) -> list[Policy]:
         """Policies of the strategies that were trained and play that side."""

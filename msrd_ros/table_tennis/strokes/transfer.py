@@ -51,10 +51,8 @@ def nearest_weights(policies: Sequence[Policy], observations: Array, actions: Ar
     return {policy.label: float(share) for policy, share in zip(policies, shares, strict=True) if share > 0.0}
 
 
-def transfer(
-    robot: Robot, base: Callable[[Array], Array], ready_pose: Array, shown: Array, balls: Array
-) -> Motions:
-    """Strokes that depart from a known policy as recorded ones do, against other balls.
+def departure_of(robot: Robot, base: Callable[[Array], Array], ready_pose: Array, shown: Array) -> Array:
+    """How recorded joints depart from what a known policy does against the same balls, ``[T_act+1, N]``, rad.
 
     Parameters
     ----------
@@ -67,20 +65,37 @@ def transfer(
     shown
         Observations ``[M, T+1, N+6]`` of the recorded strokes, from the first acting step on; their
         departures are averaged.
-    balls
-        Ball columns ``[B, T+1, 6]`` of strokes on the same side.
     """
     joints = robot.joint_count
     followed, _ = _follow(robot, base, ready_pose, shown[..., joints:])
-    departure = (shown[:, : ACTING_STEPS + 1, :joints] - followed).mean(axis=0)
+    return np.asarray((shown[:, : ACTING_STEPS + 1, :joints] - followed).mean(axis=0))
+
+
+def depart(
+    robot: Robot, base: Callable[[Array], Array], ready_pose: Array, departure: Array, balls: Array
+) -> Motions:
+    """Strokes that depart from a known policy so, against other balls.
+
+    Parameters
+    ----------
+    robot, base, ready_pose, departure
+        As of `departure_of`.
+    balls
+        Ball columns ``[B, T+1, 6]`` of strokes on the same side.
+    """
     position, action = _follow(robot, base, ready_pose, balls)
     position = position + departure
-    action = action + np.diff(departure, axis=0) / (CONTROL_PERIOD_S * robot.limits.speed_rad_s)
+    action = action + departing_rates(robot, departure)
     rest = np.repeat(position[:, -1:], balls.shape[1] - position.shape[1], axis=1)
     everything = np.concatenate([position, rest], axis=1)
     return Motions(
         observe(everything, balls[..., :3], balls[..., 3:]), np.asarray(np.clip(action, -1.0, 1.0))
     )
+
+
+def departing_rates(robot: Robot, departure: Array) -> Array:
+    """What a departure adds to the actions, ``[T_act, N]``."""
+    return np.asarray(np.diff(departure, axis=0) / (CONTROL_PERIOD_S * robot.limits.speed_rad_s))
 
 
 def _follow(

@@ -63,6 +63,33 @@ def test_a_strangers_stroke_is_recognised_and_plays_under_its_name() -> None:
     assert beyond_net.mean() > 0.8
 
 
+class Liking(StrokeNewcomers):
+    """Newcomers whose R0 likes an arm that stays near a posture."""
+
+    def _task_reward(self, observations: np.ndarray) -> np.ndarray:
+        return np.asarray(-np.abs(observations[:, 1:, :7]).max(axis=(1, 2)))
+
+
+def test_of_a_departure_only_as_much_is_learned_as_the_task_allows() -> None:
+    newcomers = without("subject_03")
+    base = MixedPolicy([(1.0, newcomers.policies.policy("forehand-push"))])
+    departure = np.zeros((63, 7))
+    departure[:, 0] = np.linspace(0.0, 1.0, 63)
+    side = newcomers.stroke_policies.require(StrategyLabel("forehand-push")).side
+    # Without rewards nobody can say what is a slip.
+    assert newcomers._share(base, departure, side) == 1.0
+    newcomers.__class__ = Liking
+    plain = newcomers._task_reward(
+        newcomers._ground.play_departing(base, 0.0 * departure, 20, newcomers._rng)
+    )
+    newcomers._good = {side: float(plain.min()) - 10.0}
+    assert newcomers._share(base, departure, side) == 1.0
+    newcomers._good = {side: float(plain.max()) + 10.0}
+    newcomers.episodes_played = 0
+    assert newcomers._share(base, departure, side) == 0.25
+    assert newcomers.episodes_played == 80
+
+
 def test_what_cannot_be_met_is_refused() -> None:
     newcomers = without("subject_03")
     two = [of("forehand-push", "subject_03")[0], of("backhand-push", "subject_03")[0]]
