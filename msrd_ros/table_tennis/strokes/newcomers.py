@@ -93,7 +93,7 @@ class MixedStrokes:
                 there[..., :joints] -= departure[step]
                 action = np.clip(policy.mean(there), -1.0, 1.0) + rates[step]
             seen.append(simulator.step(action))
-        return np.stack(seen, axis=2)[0]
+        return np.asarray(np.stack(seen, axis=2)[0])
 
     def _simulator(self, policy: MixedPolicy, ready_pose: Array) -> KinematicRallies:
         config = self.config
@@ -264,7 +264,7 @@ class StrokeNewcomers(Newcomers):
 
     def _task_reward(self, observations: Array) -> Array:
         """Mean R0 of trajectories ``[K, T+1, N+6]``, ``[K]``."""
-        return self.learned.task_reward(observations[:, 1:]).mean(axis=1)
+        return np.asarray(self.learned.task_reward(observations[:, 1:]).mean(axis=1))
 
     def _good_enough(self, episodes: Sequence[Episode]) -> dict[Side, float]:
         """By side, the mean R0 of the worst known demonstrations that count as good."""
