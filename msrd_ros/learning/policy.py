@@ -113,7 +113,7 @@ class PolicySet:
         UserError
             If there is one of that name.
         ValueError
-            If its network or what it sees is not like the others'.
+            If its network is not like the others'.
         """
         if policy.label in self.layout.labels:
             raise UserError(f"there is a policy for strategy {policy.label!r} already; choose another name")
@@ -121,7 +121,7 @@ class PolicySet:
         for layer, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
             new |= {f"weight/{layer}": weight[None], f"bias/{layer}": bias[None, None]}
         shared = {name: value for name, value in self.tensors.items() if name not in new}
-        if set(new) | set(shared) != set(self.tensors) or len(new) + len(shared) != len(self.tensors):
+        if set(shared) != {"indices", "offset", "scale"}:
             raise ValueError("the policy has other layers than those of the set")
         joined = {name: np.concatenate([self.tensors[name], value]) for name, value in new.items()}
         layout = replace(self.layout, labels=(*self.layout.labels, policy.label))
