@@ -13,6 +13,9 @@ from msrd_ros.learning.newcomers.frame import PHASES
 
 Array = NDArray[np.float64]
 
+MOST_SHOWN = 12
+"""Demonstrations of one newcomer that count, the latest."""
+
 
 def checked(
     layout: Layout, observations: Sequence[ArrayLike], actions: Sequence[ArrayLike]
@@ -52,3 +55,20 @@ def checked(
                 "give them one by one"
             )
     return np.stack(seen), np.stack(done)
+
+
+def together(name: str, earlier: tuple[Array, Array], latest: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Observations and actions that were shown under one name, the latest `MOST_SHOWN` of them.
+
+    Raises
+    ------
+    UserError
+        If they are of different lengths.
+    """
+    if any(first.shape[1:] != second.shape[1:] for first, second in zip(earlier, latest, strict=True)):
+        raise UserError(
+            f"newcomer {name}: has {latest[0].shape[1]} states, those before {earlier[0].shape[1]}; "
+            "choose another name"
+        )
+    seen, done = (np.concatenate(pair)[-MOST_SHOWN:] for pair in zip(earlier, latest, strict=True))
+    return seen, done

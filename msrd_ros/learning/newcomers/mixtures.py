@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,8 @@ _FIRST = (0.25, 0.5, 0.75)
 _FURTHER = 2
 _GRID = np.linspace(0.0, 1.0, 101)
 _APART = 0.02
+SAME_WEIGHTS = 0.15
+"""As far apart, the weights of two mixtures are the same."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,15 @@ class Mixture:
     weights: dict[str, float]
     log_evidence: float
     episodes: int
+
+
+def same_mixture(known: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> str | None:
+    """The name of a known mixture with about these weights, if there is one."""
+    for name, others in known.items():
+        apart = [abs(others.get(part, 0.0) - weights.get(part, 0.0)) for part in {*others, *weights}]
+        if max(apart) <= SAME_WEIGHTS:
+            return name
+    return None
 
 
 def nearest_pair(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.config import MSRDConfig
-from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.learned import Learned
-from msrd_ros.learning.newcomers.arrivals import checked
+from msrd_ros.learning.newcomers.arrivals import checked, together
 from msrd_ros.learning.newcomers.courses import Courses
 from msrd_ros.learning.newcomers.frame import course_of
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
+from msrd_ros.learning.newcomers.mixtures import same_mixture
 from msrd_ros.learning.newcomers.one_policy import fit_policy
 from msrd_ros.learning.newcomers.recognition import Recognition, Verdict, recognise
-from msrd_ros.learning.newcomers.strategy_reward import learn_strategy_reward, used_log_prob, without_strategy
+from msrd_ros.learning.newcomers.samples import samples_of, whole
+from msrd_ros.learning.newcomers.strategy_reward import learn_strategy_reward, without_strategy
 from msrd_ros.learning.places import find_place
 from msrd_ros.learning.policy import Policy
 from msrd_ros.learning.recipe import default_config
@@ -31,12 +33,6 @@ Array = NDArray[np.float64]
 
 OWN_EPISODES = 8
 """Played by a new policy, to tell its teacher's states from what comes of cloning them."""
-
-
-MOST_SHOWN = 12
-"""Demonstrations of one newcomer that count, the latest."""
-SAME_WEIGHTS = 0.15
-"""As far apart, the weights of two mixtures are the same."""
 
 
 @dataclass(frozen=True)
@@ -127,20 +123,16 @@ class Newcomers:
         self.episodes_played = 0
         self._known = Transitions.join(
             [
-                self._transitions(
+                self._samples(
                     demonstrations.observations[row, column, : counts[row, column] + 1][None],
                     demonstrations.actions[row, column, : counts[row, column]][None],
                 )
                 for row, column in places
             ]
         )
+        self._acting_steps = demonstrations.actions.shape[2]
         self._learned_of: dict[str, Transitions] = {}
         self._shown: dict[str, tuple[Array, Array]] = {}
-
-    @property
-    def layout(self) -> Layout:
-        """Columns and strategies."""
-        return self.learned.layout
 
     def meet(
         self, observations: Sequence[ArrayLike], actions: Sequence[ArrayLike], name: str | None = None
@@ -163,23 +155,25 @@ class Newcomers:
         UserError
             If a demonstration does not go with the layout, or holds numbers that are not finite.
         """
-        seen, done = checked(self.layout, observations, actions)
+        seen, done = checked(self.learned.layout, observations, actions)
         with one_thread():
             return self._meet(seen, done, name)
 
     def _meet(self, seen: Array, done: Array, name: str | None) -> Meeting:
         if name in self._shown:
-            seen, done = self._with_earlier(str(name), seen, done)
+            seen, done = together(str(name), self._shown[str(name)], (seen, done))
             self.forget(str(name))
         self._seen, self.episodes_played = [], 0
         recognition = self.recognise(list(seen), name)
         is_new_name = name is not None and name not in self.policies.layout.labels
         strategy = recognition.strategy
         course = course_of(list(seen))
-        if recognition.verdict is Verdict.KNOWN:
-            self.courses = self.courses.with_member(strategy, course, len(seen))
         if not is_new_name:
-            there = strategy if recognition.verdict is Verdict.KNOWN else self._like(recognition)
+            if recognition.verdict is Verdict.KNOWN:
+                self.courses = self.courses.with_member(strategy, course, len(seen))
+            there: str | None = strategy if recognition.verdict is Verdict.KNOWN else None
+            if recognition.verdict is Verdict.MIXTURE:
+                there = same_mixture(self.mixtures, recognition.weights)
             if there is not None:
                 return Meeting(there, recognition, self.episodes_played)
         called = str(name) if is_new_name else self._made_up()
@@ -230,10 +224,9 @@ class Newcomers:
         """Whole trajectories ``[T+1, O]``."""
         played = self._place.collector.collect(policy, episodes, self._rng)  # type: ignore[arg-type]
         self.episodes_played += episodes
-        lengths = np.full(episodes, played.observations.shape[2] - 1)
-        if played.lengths is not None:
-            lengths = played.lengths[0]
-        return [seen[: steps + 1] for seen, steps in zip(played.observations[0], lengths, strict=True)]
+        if played.lengths is None:
+            return list(played.observations[0])
+        return [seen[: n + 1] for seen, n in zip(played.observations[0], played.lengths[0], strict=True)]
 
     def _policy_of(
         self, name: str, weights: dict[str, float], observations: Array, actions: Array, is_mixture: bool
@@ -246,9 +239,11 @@ class Newcomers:
         if is_mixture and max(weights.values()) == 1.0:
             return replace(nearest, label=name)
         if is_mixture:
-            observations = self._pooled_states()
+            observations = whole(self._seen)
             actions = self._mixed(weights).mean(observations[:, :-1])
-        shown = Demonstrations(observations[None], actions[None], replace(self.layout, labels=(name,)))
+        shown = Demonstrations(
+            observations[None], actions[None], replace(self.learned.layout, labels=(name,))
+        )
         cloning = replace(self.config.cloning, snapshots=(), noise_levels=(), restarts=())
         if is_mixture:
             # What is right at every state needs no help to come back to a few.
@@ -266,43 +261,12 @@ class Newcomers:
         parts = [(weight, self.policies.policy(part)) for part, weight in weights.items()]
         return MixedPolicy(parts, noise, self._place.scale)
 
-    def _pooled_states(self) -> Array:
-        """All states that mixtures were in at this meeting, ``[M, T+1, O]``; short ones stay at their end."""
-        longest = max(map(len, self._seen))
-        return np.stack(
-            [np.concatenate([seen, np.repeat(seen[-1:], longest - len(seen), axis=0)]) for seen in self._seen]
-        ).astype(np.float64)
-
-    def _with_earlier(self, name: str, observations: Array, actions: Array) -> tuple[Array, Array]:
-        """Together with the latest that was shown under the same name."""
-        earlier, done = self._shown[name]
-        if earlier.shape[1:] != observations.shape[1:] or done.shape[1:] != actions.shape[1:]:
-            raise UserError(
-                f"newcomer {name}: has {observations.shape[1]} states, those before {earlier.shape[1]}; "
-                "choose another name"
-            )
-        return (
-            np.concatenate([earlier, observations])[-MOST_SHOWN:],
-            np.concatenate([done, actions])[-MOST_SHOWN:],
-        )
-
-    def _like(self, recognition: Recognition) -> str | None:
-        """A mixture that there is already with about the same weights."""
-        if recognition.verdict is not Verdict.MIXTURE:
-            return None
-        for name, weights in self.mixtures.items():
-            parts = {*weights, *recognition.weights}
-            apart = [abs(weights.get(part, 0.0) - recognition.weights.get(part, 0.0)) for part in parts]
-            if max(apart) <= SAME_WEIGHTS:
-                return name
-        return None
-
     def _add_strategy(self, name: str, observations: Array, actions: Array, nearest: str) -> None:
         policy = self._policy_of(name, {nearest: 1.0}, observations, actions, is_mixture=False)
         self.policies = self.policies.with_policy(policy)
         rewards = self.learned.rewards
         if rewards is not None:
-            shown = self._transitions(observations, actions, policy)
+            shown = self._samples(observations, actions, policy)
             rewards = learn_strategy_reward(
                 rewards,
                 shown,
@@ -322,29 +286,15 @@ class Newcomers:
         for seen in self._play(alone, OWN_EPISODES):
             states = np.asarray(seen, dtype=np.float64)[None]
             # Which action was drawn matters to rewards that see it alone; the mean will do for the others.
-            parts.append(self._transitions(states, alone.mean(states[:, :-1]), policy))
+            actions = alone.mean(states[:, :-1][:, : self._acting_steps])
+            parts.append(self._samples(states, actions, policy))
         return Transitions.join(parts)
 
-    def _transitions(
+    def _samples(
         self, observations: NDArray[np.floating], actions: NDArray[np.floating], policy: Policy | None = None
     ) -> Transitions:
-        """Trajectories ``[M, ...]`` as the discriminator sees them, with the log-density under a policy."""
-        units = actions if self._place.scale is None else self._place.scale.to_unit(actions)
-        log_prob = None
-        if policy is not None:
-            alone = MixedPolicy([(1.0, policy)])
-            density = alone.log_prob(observations[:, : actions.shape[1]], actions)
-            half = 1.0 if self._place.scale is None else self._place.scale.half
-            density = density + float(np.log(half * np.ones(actions.shape[-1])).sum())
-            log_prob = used_log_prob(density, alone.deviation / half, self.config.discriminator)[None]
-        return Transitions.of(
-            torch.as_tensor(np.asarray(observations), dtype=torch.float32)[None],
-            torch.as_tensor(np.asarray(units), dtype=torch.float32)[None],
-            log_prob,
-        )
+        return samples_of(observations, actions, self.config.discriminator, self._place.scale, policy)
 
     def _made_up(self) -> str:
-        number = 1
-        while f"strategy-{number}" in self.policies.layout.labels:
-            number += 1
-        return f"strategy-{number}"
+        names = (f"strategy-{number}" for number in count(1))
+        return next(name for name in names if name not in self.policies.layout.labels)

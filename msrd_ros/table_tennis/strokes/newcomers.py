@@ -12,8 +12,9 @@ from msrd_ros.contract.episode import ACTING_STEPS, FIRST_ACTING_STEP, Episode, 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.learned import Learned
+from msrd_ros.learning.newcomers.arrivals import MOST_SHOWN
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
-from msrd_ros.learning.newcomers.newcomers import MOST_SHOWN, Meeting, Newcomers
+from msrd_ros.learning.newcomers.newcomers import Meeting, Newcomers
 from msrd_ros.learning.newcomers.one_policy import fit_policy
 from msrd_ros.learning.policy import Policy
 from msrd_ros.learning.rewards import RewardForm, RewardModel
@@ -242,7 +243,7 @@ class StrokeNewcomers(Newcomers):
         shown = Demonstrations(
             np.concatenate([observations, motions.observations])[None],
             np.concatenate([actions, motions.actions])[None],
-            replace(self.layout, labels=(name,)),
+            replace(self.learned.layout, labels=(name,)),
         )
         start = self.policies.policy(max(near, key=lambda part: near[part]))
         return fit_policy(start, shown, replace(self.config.cloning, snapshots=()), self._generator)
