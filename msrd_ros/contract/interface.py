@@ -34,7 +34,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "/tf_static": "simulator → RViz, Foxglove (where tf2_msgs is installed)",
         "joint_command": "executor, or who leads by hand → simulator, driver; its strategy in the header",
         "teach/hand": "demonstrator, studio or tracked hand → simulator",
-        "recorder/verdict": "recorder → demonstrator, studio; kept, or why not",
+        "recorder/verdict": "recorder → demonstrator, studio, serving trainer; kept, or why not",
         "policy": "trainer, studio → executor; safetensors bytes, swapped between strokes only",
         "training/progress": "trainer",
         "scene": "simulator → RViz, Foxglove",

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from msrd_ros.learning.learned import Learned
     from msrd_ros.learning.method import Learner, Method, Problem
     from msrd_ros.learning.methods import METHODS, find_method
+    from msrd_ros.learning.newcomers.newcomers import Meeting, Newcomers
+    from msrd_ros.learning.newcomers.recognition import Recognition
     from msrd_ros.learning.playing import play
     from msrd_ros.learning.policy import Policy, PolicySet
     from msrd_ros.learning.recipe import default_config
@@ -43,11 +45,14 @@ __all__ = [
     "LearnedReward",
     "Learner",
     "MSRDConfig",
+    "Meeting",
     "Method",
+    "Newcomers",
     "Policy",
     "PolicySet",
     "Problem",
     "Recheck",
+    "Recognition",
     "Rollouts",
     "UserError",
     "default_config",
@@ -75,11 +80,14 @@ _HOMES = {
     "LearnedReward": "reward_wrapper",
     "Learner": "method",
     "MSRDConfig": "config",
+    "Meeting": "newcomers.newcomers",
     "Method": "method",
+    "Newcomers": "newcomers.newcomers",
     "Policy": "policy",
     "PolicySet": "policy",
     "Problem": "method",
     "Recheck": "discovery.recheck",
+    "Recognition": "newcomers.recognition",
     "Rollouts": "trajectories",
     "default_config": "recipe",
     "demonstrations_from_arrays": "demonstration_sets",

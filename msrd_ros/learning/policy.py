@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +104,36 @@ class PolicySet:
             self.tensors["offset"],
             self.tensors["scale"],
         )
+
+    def with_policy(self, policy: Policy) -> PolicySet:
+        """One strategy more, under the policy's label.
+
+        Raises
+        ------
+        UserError
+            If there is one of that name.
+        ValueError
+            If its network is not like the others'.
+        """
+        if policy.label in self.layout.labels:
+            raise UserError(f"there is a policy for strategy {policy.label!r} already; choose another name")
+        new = {"log_std": policy.log_std[None, None]}
+        for layer, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
+            new |= {f"weight/{layer}": weight[None], f"bias/{layer}": bias[None, None]}
+        shared = {name: value for name, value in self.tensors.items() if name not in new}
+        if set(shared) != {"indices", "offset", "scale"}:
+            raise ValueError("the policy has other layers than those of the set")
+        joined = {name: np.concatenate([self.tensors[name], value]) for name, value in new.items()}
+        layout = replace(self.layout, labels=(*self.layout.labels, policy.label))
+        return replace(self, layout=layout, tensors=shared | joined)
+
+    def without(self, label: str) -> PolicySet:
+        """One strategy less."""
+        row = self.layout.labels.index(label)
+        stacked = [name for name in self.tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]
+        fewer = {name: np.delete(self.tensors[name], row, axis=0) for name in stacked}
+        labels = tuple(name for name in self.layout.labels if name != label)
+        return replace(self, layout=replace(self.layout, labels=labels), tensors=self.tensors | fewer)
 
     @property
     def digest(self) -> str:

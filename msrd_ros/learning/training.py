@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-import torch
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.action_scale import ActionScale
@@ -24,6 +21,7 @@ from msrd_ros.learning.methods import find_method
 from msrd_ros.learning.places import Place, find_place
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.learning.recipe import default_config
+from msrd_ros.learning.threads import one_thread
 from msrd_ros.learning.trajectories import UNLABELLED, Demonstrations
 
 
@@ -87,7 +85,7 @@ def train(
     if scale:
         scaled = replace(demonstrations, actions=scale.to_unit(demonstrations.actions))
         settings = _in_units(settings, demonstrations, scale)
-    with _one_thread():
+    with one_thread():
         learner = chosen.start(Problem(settings, scaled, place.collector, seed, autoreset=place.autoreset))
         Harness(learner, _Returns(place), title=chosen.title if progress else None).run()
     details = {
@@ -105,17 +103,6 @@ def train(
     if found is not None:
         details["discovery"] = {**found.to_dict(), "recheck": recheck(learned, shown, found.labels).to_dict()}
     return learned
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Threads that share out tensors this small wait for each other, ten times as long on busy cores."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 class _Returns(Task):

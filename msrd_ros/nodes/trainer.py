@@ -36,15 +36,19 @@ from msrd_ros.nodes.common import (
 from msrd_ros.nodes.folder_of_bags import read_folder
 from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
 from msrd_ros.nodes.messages import bytes_to_message
+from msrd_ros.nodes.newcomer_service import NewcomerService
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.nodes.training_thread import TrainingThread
+from msrd_ros.recordings.episodes import read_kept
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
 from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, sort_strokes
+from msrd_ros.table_tennis.strokes.newcomer_session import NewcomerSession
+from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import BulletCollector, BulletPlayers
 from msrd_ros.table_tennis.strokes.run import RunTask, training_run
@@ -156,6 +160,11 @@ class TrainerConfig:
         200, "Balls per strategy in an evaluation", low=1, high=10_000, former="rehearse_balls"
     )
     checkpoint_every: int = parameter(25, "Iterations between checkpoints; 0: only at the end", low=0)
+    serve: bool = parameter(
+        False,
+        "Run on after training: recognise or learn every stroke that the recorder keeps, and publish the "
+        "policies",
+    )
     timeout_s: float = parameter(60.0, "topics: longest wait for one stroke", unit="s", low=1.0, high=3600.0)
     autostart: bool = autostart_parameter()
 
@@ -206,6 +215,7 @@ class Trainer(ManagedNode):
             self._episodes = read_folder(
                 folder, self._labels, config.subjects, self._robot, names, self.get_logger(), self._discovers
             )
+        self._newcomers = NewcomerService(self, self._send_policies) if config.serve else None
         steady_timer(self, 0.1, self._look_after_training)
 
     def activate(self) -> None:
@@ -222,6 +232,8 @@ class Trainer(ManagedNode):
 
     def waits_for(self) -> list[str]:
         """Demonstrations that are missing while they come over topics, or who plays the policies."""
+        if self._newcomers is not None and self._newcomers.serves:
+            return self._newcomers.waits_for()
         if self._training is not None:
             awaited = self._collector.awaited if isinstance(self._collector, TopicCollector) else ""
             return [awaited] if awaited else []
@@ -231,6 +243,8 @@ class Trainer(ManagedNode):
 
     def diagnose(self) -> tuple[str, dict[str, object]]:
         """How far gathering or training is."""
+        if self._newcomers is not None and self._newcomers.serves:
+            return self._newcomers.diagnose()
         if self._training is None:
             return "gathering demonstrations", dict(self._counts())
         return "training", {"iteration": self._training.trainer.iterations_done, "of": self.config.iterations}
@@ -350,7 +364,10 @@ class Trainer(ManagedNode):
     def _publish_policies(self, policies: StrokePolicies) -> None:
         # Rollouts over topics publish what they play themselves.
         if self.config.rollouts != "topics":
-            self._send(self._policy, bytes_to_message(policies.to_bytes()))
+            self._send_policies(policies)
+
+    def _send_policies(self, policies: StrokePolicies) -> None:
+        self._send(self._policy, bytes_to_message(policies.to_bytes()))
 
     def _publish_progress(self, figures: dict[str, float]) -> None:
         message = DiagnosticArray(status=[status("trainer", "training", figures)])
@@ -375,9 +392,28 @@ class Trainer(ManagedNode):
         failure = self._failure_at_start or (self._run.failure if self._run is not None else None)
         if failure is not None:
             raise failure
-        if self._run is not None and not self._run.is_alive:
+        if self._newcomers is not None and self._newcomers.serves:
+            if self._newcomers.failure is not None:
+                raise self._newcomers.failure
+            self._newcomers.report()
+        elif self._run is not None and not self._run.is_alive:
             print(f"policies written to {self._out / POLICIES_FILE}", flush=True)
-            raise Finished(0)
+            if self._newcomers is None:
+                raise Finished(0)
+            self._serve(self._newcomers)
+
+    def _serve(self, service: NewcomerService) -> None:
+        """Go on with newcomers, from what was trained."""
+        assert self._training is not None
+        known = StrokeNewcomers.of_training(self._training, self._episodes)
+        names = parse_topic_names(self.config.topics, "parameter topics of trainer")
+        session = NewcomerSession(known, self._out, lambda bag: read_kept(bag, self._robot, names))
+        self._send_policies(session.policies)
+        service.begin(session)
+        self._held.callback(service.close)
+        self.get_logger().info(
+            "training is over; every stroke that the recorder keeps is learned from now on"
+        )
 
     # -- services ------------------------------------------------------------------------------
 

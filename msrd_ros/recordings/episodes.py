@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 from msrd_ros.bags.devices import ArmMessages
@@ -156,6 +157,27 @@ def read_bags(
             yield read_bag(Bag(info.path, names), robot, unlabelled=unlabelled)
         except UserError as error:
             yield BagReading(info, refused=(str(error).removeprefix(f"bag {info.path}: "),))
+
+
+def read_kept(
+    path: Path, robot: Robot | None = None, names: Mapping[str, str] | None = None
+) -> list[Episode]:
+    """The strokes of one bag that may be learned from, of an arm (the default one if None), labelled or not.
+
+    Parameters
+    ----------
+    names
+        As of `read_bags`.
+
+    Raises
+    ------
+    UserError
+        If the bag cannot be read, is of another robot, or all of it is refused; names the bag and says why.
+    """
+    reading = read_bag(Bag(path, names or {}), robot, unlabelled=True)
+    if not reading.episodes:
+        raise UserError(f"bag {path}: {'; '.join(reading.refused) or 'holds no stroke'}")
+    return list(reading.episodes)
 
 
 def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:

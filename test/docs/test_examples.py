@@ -18,6 +18,7 @@ EXAMPLES = CHECKOUT / "docs" / "examples"
         ("own_bags", "('forehand-push', 'backhand-slice') as"),
         ("own_environment", "2 strategies"),
         ("discover", "doubted: (0,)\n2 strategies"),
+        ("new_teacher", "strategies: left middle right far\n"),
         ("own_method", "MSRD without cross-negatives 0.0"),
     ],
 )

@@ -195,6 +195,8 @@ class StrokeTraining:
         Names of the strategy rewards, in their order.
     robot
         The arm that was taught, of N joints.
+    strategies
+        What is known of them.
     """
 
     def __init__(
@@ -208,16 +210,16 @@ class StrokeTraining:
     ) -> None:
         self.config = config
         self.method = method or find_stroke_method(config.method)
-        self._strategies = strategies or Strategies.shipped()
-        self.demonstrations = gather_demonstrations(episodes, self._strategies)
+        self.strategies = strategies or Strategies.shipped()
+        self.demonstrations = gather_demonstrations(episodes, self.strategies)
         self.robot = episodes[0].robot
-        self._facts = stroke_facts(episodes, landing_points, self._strategies)
+        self._facts = stroke_facts(episodes, landing_points, self.strategies)
         self.labels = tuple(self._facts)
-        self.reward_groups = tuple(dict.fromkeys(_groups(config, self.labels, self._strategies)))
+        self.reward_groups = tuple(dict.fromkeys(_groups(config, self.labels, self.strategies)))
         self.simulator = self._make_simulator(config.seed)
         self.trainer: Learner = self.method.start(
             Problem(
-                stroke_recipe(config, self.labels, self.robot, self._strategies),
+                stroke_recipe(config, self.labels, self.robot, self.strategies),
                 self.demonstrations,
                 collector or BatchedCollector(self.simulator),
                 config.seed,
@@ -225,7 +227,7 @@ class StrokeTraining:
         )
 
     def _reward_group(self, label: StrategyLabel) -> str:
-        return REWARD_GROUPS[self.config.strategy_rewards](self._strategies.of(label))
+        return REWARD_GROUPS[self.config.strategy_rewards](self.strategies.of(label))
 
     def _make_simulator(self, seed: int) -> KinematicRallies:
         config = self.config

@@ -65,6 +65,11 @@ def rates_of(hit: Array) -> Array:
     return hit[1 + len(hit) // 2 :]
 
 
+def hit_of(time_s: float, position: Array, velocity: Array, speed_rad_s: Array) -> Array:
+    """A hit (1 + 2 N,) from joint angles (N,) in rad and rates (N,) in rad/s; speed limits (N,)."""
+    return np.concatenate([[time_s], position, velocity / speed_rad_s])
+
+
 class HitWish(NamedTuple):
     """What is wanted of a hit.
 
@@ -86,6 +91,8 @@ class HitWish(NamedTuple):
         Joint rates (N,) as fractions of the limits to stay near to, and residual per fraction.
     lower, upper
         Joint angles (N,) between which the hit is wanted, rad.
+    lowest_apex, highest_apex
+        Between which heights the top of the return is wanted, m.
     """
 
     face: float
@@ -101,6 +108,8 @@ class HitWish(NamedTuple):
     rates_weight: float
     lower: Array
     upper: Array
+    lowest_apex: float = 0.0
+    highest_apex: float = HIGHEST_APEX_M
 
 
 class Hit(NamedTuple):
@@ -180,7 +189,7 @@ def hit_residuals(
     lowest = constants.net_top + constants.ball_radius + LOWEST_OVER_NET_M
     # A ball that never gets over the net line is judged by its landing alone, which is smooth.
     out[8] = max(lowest - flight.net_height, 0.0) / _CLEARANCE_M if flight.landing_x > 0.0 else 0.0
-    out[9] = max(flight.apex - HIGHEST_APEX_M, 0.0) / _APEX_M
+    out[9] = _excess(flight.apex, wish.lowest_apex, wish.highest_apex) / _APEX_M
     out[10] = max(SLOWEST_APPROACH_M_S - done.approach, 0.0) / _APPROACH_M_S
     out[11] = _excess(hit[0] - wish.time, -wish.time_slack, wish.time_slack) / _CENTRING_M
     upright = np.sqrt(max(1.0 - done.normal[2] ** 2, 0.0))

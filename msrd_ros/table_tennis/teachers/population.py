@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.robots.loading import default_robot
-from msrd_ros.robots.quintic import JointStroke
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
@@ -18,7 +17,7 @@ from msrd_ros.table_tennis.simulation.teach_mode import GuidanceConfig
 from msrd_ros.table_tennis.strategies.paper import PaperLabel, Stroke
 from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.teachers.guided_stroke import AttentionConfig, GuidedStroke, Intent
-from msrd_ros.table_tennis.teachers.hit_solver import TIME, HitWish, angles_of, rates_of, solve_hit
+from msrd_ros.table_tennis.teachers.hit_solver import TIME, HitWish, angles_of, hit_of, rates_of, solve_hit
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from msrd_ros.table_tennis.teachers.side import PATH_PERIOD_S, PlannerConfig, face_sign, feed_path
 from msrd_ros.table_tennis.teachers.study_design import subject_name
@@ -110,7 +109,9 @@ class Teacher:
     def _practise(self, label: PaperLabel) -> Intent:
         style = self.style
         planned = planned_strokes(self._robot)[label]
-        start = _hit_of(planned, self._robot)
+        start = hit_of(
+            planned.hit_time_s, planned.hit_position, planned.hit_velocity, self._robot.limits.speed_rad_s
+        )
         wish = self._wish(label, start)
         path = feed_path(self._feeder.nominal(label.side), self._scene)
         hit, _ = solve_hit(self._robot.model, start, wish, path, PATH_PERIOD_S, self._scene, _PRACTICE_STEPS)
@@ -151,9 +152,3 @@ def compile_ahead(teacher: Teacher, feeder: Feeder) -> None:
         time_s = index * PATH_PERIOD_S
         stroke.see(time_s, path[index, :3])
         stroke.hand_at(time_s, stroke.ready_posture)
-
-
-def _hit_of(stroke: JointStroke, robot: Robot) -> Array:
-    """The hit (1 + 2 N,) of a planned stroke, in the layout of `hit_solver`."""
-    rates = stroke.hit_velocity / robot.limits.speed_rad_s
-    return np.concatenate([[stroke.hit_time_s], stroke.hit_position, rates])
