@@ -63,9 +63,12 @@ def learn_strategy_reward(
         float(rewards.alpha.mean()),
         generator,
         discount=rewards.discount,
+        nearness=copy.deepcopy(rewards.nearness),
     )
     pair.task_network.load_state_dict(rewards.task_network.state_dict())
-    pair.task_network.requires_grad_(False)
+    for part in (pair.task_network, pair.nearness):
+        if part is not None:
+            part.requires_grad_(False)
     settings = replace(
         config,
         cross_weight=max(config.cross_weight, 1.0),
@@ -147,6 +150,7 @@ def _composed(
         generator,
         discount=rewards.discount,
         reward_groups=groups,
+        nearness=copy.deepcopy(rewards.nearness),
     )
     model.task_network.load_state_dict(rewards.task_network.state_dict())
     with torch.no_grad():
