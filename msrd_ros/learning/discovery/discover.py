@@ -82,12 +82,13 @@ def discover(
         found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
     members = found.labels
     chances = found.partitions.responsibilities(members)[:, :-1]
-    spoken = _spoken(members, beliefs.given, len(known))
+    votes = _votes(members, beliefs.given, len(known))
+    spoken = _spoken(votes)
     agreed = np.array([[said == label for said in spoken] for label in beliefs.given])
     right = (chances * agreed).sum(axis=1)
     doubted = np.flatnonzero((beliefs.given >= 0) & (right < 0.5 * chances.sum(axis=1)))
     return Discovery(
-        _names(members, spoken, beliefs.given, known),
+        _names(votes, spoken, known),
         members,
         chances,
         tuple(int(number) for number in doubted),
@@ -100,7 +101,7 @@ def discover(
 def discovered(demonstrations: Demonstrations, seed: int = 0) -> tuple[Demonstrations, Discovery]:
     """The same demonstrations under the strategies found in them, and what was found.
 
-    Labels are taken as `discover` takes them; those labelled `UNLABELLED` have none. Numbers in the result
+    Labels are taken as `discover` takes them; those labelled `NO_LABEL` have none. Numbers in the result
     are those of `Demonstrations.trajectories` of the demonstrations that were given.
 
     Raises
@@ -132,7 +133,7 @@ def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generat
     said = beliefs.given >= 0
     if kinds < 2 or not said.any():
         return found
-    spoken = np.array(_spoken(found.labels, beliefs.given, kinds))
+    spoken = np.array(_spoken(_votes(found.labels, beliefs.given, kinds)))
     right = int((spoken[found.labels] == beliefs.given)[said].sum())
     trust = float(np.clip((right + 1.0) / (said.sum() + 2.0), 1.0 / kinds, 1.0 - 1e-3))
     partitions = found.partitions.with_trust(trust)
@@ -140,16 +141,21 @@ def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generat
     return Found(score, labels, partitions)
 
 
-def _spoken(members: Labels, given: Labels, kinds: int) -> list[int]:
+def _votes(members: Labels, given: Labels, kinds: int) -> NDArray[np.int64]:
+    """How many demonstrations of each group have each label, ``[groups, labels]``."""
+    votes = np.zeros((int(members.max()) + 1, max(kinds, 1)), dtype=np.int64)
+    said = given >= 0
+    np.add.at(votes, (members[said], given[said]), 1)
+    return votes
+
+
+def _spoken(votes: NDArray[np.int64]) -> list[int]:
     """What each group is called by its labels, -1 where none of it has one.
 
     Labels and groups are matched so that as many demonstrations as possible are called rightly: two groups do
     not share a name because wrong labels outnumber the right ones in one of them. A group that is left over,
     as where one strategy was split, is called what most of it are.
     """
-    votes = np.zeros((int(members.max()) + 1, max(kinds, 1)), dtype=np.int64)
-    said = given >= 0
-    np.add.at(votes, (members[said], given[said]), 1)
     spoken = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
     groups, labels = linear_sum_assignment(votes, maximize=True)
     matched = votes[groups, labels] > 0
@@ -157,13 +163,11 @@ def _spoken(members: Labels, given: Labels, kinds: int) -> list[int]:
     return [int(label) for label in spoken]
 
 
-def _names(members: Labels, spoken: list[int], given: Labels, known: tuple[str, ...]) -> tuple[str, ...]:
+def _names(votes: NDArray[np.int64], spoken: list[int], known: tuple[str, ...]) -> tuple[str, ...]:
     """A label names the group that has most of it; other groups are numbered."""
     owner: dict[int, int] = {}
     for group, label in enumerate(spoken):
-        votes = int((given[members == group] == label).sum()) if label >= 0 else 0
-        rival = owner.get(label)
-        if label >= 0 and (rival is None or votes > int((given[members == rival] == label).sum())):
+        if label >= 0 and (label not in owner or votes[group, label] > votes[owner[label], label]):
             owner[label] = group
     names = {group: known[label] for label, group in owner.items()}
     number = 0
