@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,17 +11,12 @@ from scipy.optimize import linear_sum_assignment
 from threadpoolctl import threadpool_limits
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.discovery.features import (
-    decorrelated,
-    path_features,
-    standardised,
-    state_features,
-)
+from msrd_ros.learning.discovery.features import courses, standardised, state_features
 from msrd_ros.learning.discovery.partition import Labels
-from msrd_ros.learning.discovery.regression import fit, fit_as_they_are
 from msrd_ros.learning.discovery.result import Discovery
+from msrd_ros.learning.discovery.same_policy import Regressions
 from msrd_ros.learning.discovery.search import (
-    MOST_SHARE_OF_ONE_POLICY,
+    MOST_DEPARTURES_OF_ONE_POLICY,
     Beliefs,
     Found,
     mixture_partition,
@@ -30,7 +26,9 @@ from msrd_ros.learning.trajectories import Demonstrations
 
 Array = NDArray[np.float64]
 
-LENGTH_SCALE = 2.0
+LENGTH_SCALE = 1.0
+LEAST_DIMENSIONS = 3
+"""Of a course; more where demonstrations are more than twice their square: a scatter has as many numbers."""
 TRUST = 0.7
 """Probability that a given label is right, before it has been looked at."""
 LEAST_STEPS = 2
@@ -66,7 +64,8 @@ def discover(
 
     Notes
     -----
-    Units and scales of columns do not matter. See ``docs/discover.md`` for the model.
+    Units and scales of observations do not matter, nor a unit that all actions have in common. See
+    ``docs/discover.md`` for the model.
     """
     states, moves = _checked(observations, actions)
     given = _given(labels, len(states))
@@ -78,7 +77,7 @@ def discover(
     )
     # Threads that share out matrices this small wait for each other: many times slower on a busy machine.
     with threadpool_limits(1, "blas"):
-        found, one_policy = _search(standardised(states), standardised(moves), beliefs, seed)
+        found, one_policy = _search(states, moves, beliefs, seed)
         found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
     members = found.labels
     chances = found.partitions.responsibilities(members)[:, :-1]
@@ -119,13 +118,16 @@ def _search(states: list[Array], moves: list[Array], beliefs: Beliefs, seed: int
     if len(states) == 1:
         raise UserError("demonstrations: there is one; strategies are told apart from two on")
     rng = np.random.default_rng(seed)
-    policies = fit(state_features(states, LENGTH_SCALE, rng), moves)
-    found, share = same_policy_partition(policies, beliefs, rng)
-    if share <= MOST_SHARE_OF_ONE_POLICY:
+    scaled = standardised(moves)
+    moving = np.any([table.any(axis=0) for table in scaled], axis=0)
+    regressions = Regressions(
+        state_features(standardised(states), LENGTH_SCALE, rng), [table[:, moving] for table in scaled]
+    )
+    found, departures = same_policy_partition(regressions, beliefs, rng)
+    if departures <= MOST_DEPARTURES_OF_ONE_POLICY:
         return found, True
-    courses = [np.concatenate(pair, axis=1) for pair in zip(states, moves, strict=True)]
-    ways = fit_as_they_are(path_features(courses), decorrelated(courses))
-    return mixture_partition(ways, beliefs, rng), False
+    dimensions = max(LEAST_DIMENSIONS, round(math.sqrt(0.5 * len(moves))))
+    return mixture_partition(courses(moves, min(dimensions, len(moves) - 1)), beliefs, rng), False
 
 
 def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generator) -> Found:
