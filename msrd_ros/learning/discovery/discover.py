@@ -19,6 +19,7 @@ from msrd_ros.learning.discovery.search import (
     MOST_DEPARTURES_OF_ONE_POLICY,
     Beliefs,
     Found,
+    evidence_alone,
     mixture_partition,
     same_policy_partition,
 )
@@ -26,7 +27,7 @@ from msrd_ros.learning.trajectories import Demonstrations
 
 Array = NDArray[np.float64]
 
-LENGTH_SCALE = 1.0
+LENGTH_SCALES = (1.0, 2.0, 4.0)
 LEAST_DIMENSIONS = 3
 """Of a course; more where demonstrations are more than twice their square: a scatter has as many numbers."""
 TRUST = 0.7
@@ -120,9 +121,11 @@ def _search(states: list[Array], moves: list[Array], beliefs: Beliefs, seed: int
     rng = np.random.default_rng(seed)
     scaled = standardised(moves)
     moving = np.any([table.any(axis=0) for table in scaled], axis=0)
-    regressions = Regressions(
-        state_features(standardised(states), LENGTH_SCALE, rng), [table[:, moving] for table in scaled]
-    )
+    outputs = [table[:, moving] for table in scaled]
+    scales = [
+        Regressions(state_features(standardised(states), length, rng), outputs) for length in LENGTH_SCALES
+    ]
+    regressions = max(scales, key=lambda sums: evidence_alone(sums, beliefs))
     found, departures = same_policy_partition(regressions, beliefs, rng)
     if departures <= MOST_DEPARTURES_OF_ONE_POLICY:
         return found, True

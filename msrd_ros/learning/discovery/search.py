@@ -62,6 +62,13 @@ class Beliefs(NamedTuple):
         return Partitions(model, self.given, self.trust)
 
 
+def evidence_alone(regressions: Regressions, beliefs: Beliefs) -> float:
+    """The highest log-evidence of demonstrations one by one: by it features are held against each other."""
+    alone = np.arange(len(regressions.steps))
+    chosen = _likeliest(regressions, beliefs, alone, SHARES[:1])
+    return beliefs.over(SamePolicy(regressions, *chosen)).score(alone)
+
+
 def same_policy_partition(
     regressions: Regressions, beliefs: Beliefs, rng: np.random.Generator
 ) -> tuple[Found, float]:

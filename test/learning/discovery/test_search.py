@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from msrd_ros.learning.discovery.features import state_features
 from msrd_ros.learning.discovery.same_policy import Regressions
 from msrd_ros.learning.discovery.search import (
     MOST_DEPARTURES_OF_ONE_POLICY,
     Beliefs,
+    evidence_alone,
     mixture_partition,
     same_policy_partition,
 )
@@ -51,3 +53,11 @@ def test_departures_that_noise_does_not_hide_are_no_single_policy(
     assert (departures <= MOST_DEPARTURES_OF_ONE_POLICY) == one
     if departure == 0.0:
         assert found.labels.tolist() == np.repeat(np.arange(4), 5).tolist()
+
+
+def test_features_that_express_the_policies_have_the_higher_evidence() -> None:
+    rng = np.random.default_rng(0)
+    tables = [rng.normal(size=(200, 1)) for _ in range(4)]
+    done = [np.sin(3.0 * table) + 0.1 * rng.normal(size=(200, 1)) for table in tables]
+    fine, coarse = (Regressions(state_features(tables, length, rng), done) for length in (0.5, 8.0))
+    assert evidence_alone(fine, unlabelled(4)) > evidence_alone(coarse, unlabelled(4)) + 3.0
