@@ -28,6 +28,7 @@ from msrd_ros.learning.trajectories import Demonstrations
 Array = NDArray[np.float64]
 
 LENGTH_SCALES = (1.0, 2.0, 4.0)
+"""Of policies, as of `state_features`; the one of the highest evidence is taken."""
 LEAST_DIMENSIONS = 3
 """Of a course; more where demonstrations are more than twice their square: a scatter has as many numbers."""
 TRUST = 0.7
