@@ -1,11 +1,10 @@
 """How well strategies are discovered in demonstrations whose labels are hidden, few or wrong.
 
-Run from the repository: ``python benchmarks/discover.py [--only NAME ...] [--seeds 5] [--lander FILE.npz]``.
+Run from the repository: ``python benchmarks/discover.py [--only NAME ...] [--seeds 5]``.
 Prints one line of JSON for each set of demonstrations and seed, and last the means. Strokes are those of the
 bags that the package ships; a seed draws which of them are shown, whose labels are wrong, which episodes the
 demonstrators of pendulum and Hopper play, and everything that discovery draws. ``landers`` are the two ways
-to land that ship as the quick start's example; ``--lander`` takes a file of more strategies, with arrays
-``observations [S, M, T, O]`` and ``actions [S, M, T, A]``.
+to land that ship as the quick start's example, ``lander`` FLAIR's ten strategies of three episodes each.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import argparse
 import json
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,11 +20,11 @@ from numpy.typing import NDArray
 
 import msrd_ros.learning as msrd
 from msrd_ros.core.resources import shipped_bags
-from msrd_ros.learning.alignment import better_shift
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.recordings.demonstrations import demonstrations as recorded
 from msrd_ros.studies.hopper import demonstrators as hopper
 from msrd_ros.studies.inverted_pendulum import demonstrators as pendulum
+from msrd_ros.studies.lunar_lander.demonstrations import load_demonstrations
 
 EPISODES = 10
 
@@ -46,12 +44,15 @@ def hidden(demonstrations: Demonstrations) -> Shown:
     return Shown(seen, done, [None] * len(seen), truth)
 
 
-def few(shown: Shown, each: int, rng: np.random.Generator) -> Shown:
-    """A few demonstrations of each strategy, drawn."""
+def few(shown: Shown, each: int, rng: np.random.Generator, strategies: int | None = None) -> Shown:
+    """A few demonstrations of each strategy, drawn; of all strategies unless a number of them is given."""
     truth = np.array(shown.truth)
+    names = list(dict.fromkeys(shown.truth))
+    if strategies is not None:
+        names = [str(name) for name in rng.choice(names, strategies, replace=False)]
     kept = [
         int(number)
-        for name in dict.fromkeys(shown.truth)
+        for name in names
         for number in rng.choice(np.flatnonzero(truth == name), each, replace=False)
     ]
     return Shown(*([part[number] for number in kept] for part in shown))  # type: ignore[arg-type]
@@ -115,37 +116,24 @@ def judge(shown: Shown, seed: int) -> dict[str, Any]:
     return result
 
 
-def sets(lander: Path | None) -> dict[str, Callable[[int], Shown]]:
+def sets() -> dict[str, Callable[[int], Shown]]:
     """What is discovered in, by name; each takes a seed."""
     strokes = hidden(recorded(shipped_bags()))
-    made = {
+    lander = hidden(load_demonstrations().demonstrate(3))
+    return {
         "strokes": lambda seed: strokes,
         "strokes, 2 each": lambda seed: few(strokes, 2, np.random.default_rng([seed, 1])),
+        "strokes, 3 each": lambda seed: few(strokes, 3, np.random.default_rng([seed, 1])),
+        "strokes, 3 each of two": lambda seed: few(strokes, 3, np.random.default_rng([seed, 1]), 2),
+        "strokes, 9 of one": lambda seed: few(strokes, 9, np.random.default_rng([seed, 1]), 1),
         "strokes, a third wrong": lambda seed: misled(strokes, 1 / 3, np.random.default_rng([seed, 2])),
         "pendulum": lambda seed: hidden(
             pendulum.cached_demonstrators(pendulum.Kind.DIAYN).demonstrate(EPISODES, seed)
         ),
         "hopper": lambda seed: hidden(gaits(hopper.PAIRS[seed % len(hopper.PAIRS)], seed)),
         "landers": lambda seed: hidden(msrd.example_demonstrations("lunar_lander")),
+        "lander": lambda seed: lander,
     }
-    if lander is not None:
-        given = read_lander(lander)
-        made["lander"] = lambda seed: given
-    return made
-
-
-def read_lander(path: Path) -> Shown:
-    """The strategies of a file, each action beside the observation that it was taken at."""
-    with np.load(path) as arrays:
-        tables, moves = arrays["observations"].astype(np.float64), arrays["actions"].astype(np.float64)
-    truth = [str(row) for row in range(len(tables)) for _ in range(tables.shape[1])]
-    seen, done = list(tables.reshape(-1, *tables.shape[2:])), list(moves.reshape(-1, *moves.shape[2:]))
-    shift = better_shift(list(zip(seen, done, strict=True)))
-    if shift > 0:
-        seen, done = [table[:-shift] for table in seen], [table[shift:] for table in done]
-    elif shift < 0:
-        seen, done = [table[-shift:] for table in seen], [table[:shift] for table in done]
-    return Shown(seen, done, [None] * len(truth), truth)
 
 
 def gaits(pair: str, seed: int) -> Demonstrations:
@@ -168,9 +156,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--lander", type=Path)
     arguments = parser.parse_args()
-    for name, make in sets(arguments.lander).items():
+    for name, make in sets().items():
         if arguments.only and name not in arguments.only:
             continue
         results = []

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.alignment import better_shift
 from msrd_ros.learning.layout import Layout
-from msrd_ros.learning.trajectories import UNLABELLED, Demonstrations
+from msrd_ros.learning.trajectories import NO_LABEL, Demonstrations
 
 ROOM_AFTER_THE_LAST = 1.25
 """Where episodes end, the horizon over the longest demonstration: so that every end is seen from behind."""
@@ -77,7 +77,7 @@ def demonstrations_from_arrays(
     shift = better_shift(list(zip(seen, done, strict=True)))
     if shift:
         warnings.warn(_shift_text(shift), stacklevel=2)
-    known = [UNLABELLED if label is None else label for label in labels]
+    known = [NO_LABEL if label is None else label for label in labels]
     return _stack(seen, done, known, ended, names, action_columns, control_period_s)
 
 

@@ -22,7 +22,7 @@ from msrd_ros.learning.places import Place, find_place
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.learning.recipe import default_config
 from msrd_ros.learning.threads import one_thread
-from msrd_ros.learning.trajectories import UNLABELLED, Demonstrations
+from msrd_ros.learning.trajectories import NO_LABEL, Demonstrations
 
 
 def train(
@@ -73,7 +73,7 @@ def train(
     found, shown = None, demonstrations
     if labels == "discover":
         demonstrations, found = discovered(shown, seed)
-    elif UNLABELLED in demonstrations.layout.labels:
+    elif NO_LABEL in demonstrations.layout.labels:
         raise UserError(
             "demonstrations: some have no label; label every one, or train with labels='discover'"
         )

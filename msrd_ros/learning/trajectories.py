@@ -18,7 +18,7 @@ from torch import Tensor
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
 
-UNLABELLED = ""
+NO_LABEL = ""
 """Label of demonstrations of which nobody has said whose they are."""
 
 

@@ -23,6 +23,7 @@ from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Schedule
+from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.nodes.common import (
     EVENT,
@@ -46,7 +47,12 @@ from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
-from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, sort_strokes
+from msrd_ros.table_tennis.strokes.discovery import (
+    STRATEGIES_FILE,
+    SortedStrokes,
+    describe_recheck,
+    sort_strokes,
+)
 from msrd_ros.table_tennis.strokes.newcomer_session import NewcomerSession
 from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
@@ -198,6 +204,8 @@ class Trainer(ManagedNode):
         self._collector: Collector | None = None
         self._run: TrainingThread | None = None
         self._failure_at_start: UserError | None = None
+        self._found: SortedStrokes | None = None
+        self._agreement = ""
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
         self.create_service(Trigger, "~/start", self._on_start)
@@ -323,6 +331,7 @@ class Trainer(ManagedNode):
             self._out,
             self._publish_policies,
             self._publish_progress,
+            self._recheck if self._discovers else None,
         )
         self._held.callback(task.close)
         harness = training_run(task, Schedule(config.evaluate_every, config.checkpoint_every, self._out))
@@ -341,7 +350,14 @@ class Trainer(ManagedNode):
             self.get_logger().info(line)
         strokes.save(self._out)
         self.get_logger().info(f"written to {self._out / STRATEGIES_FILE}")
-        self._episodes = strokes.episodes
+        self._episodes, self._found = strokes.episodes, strokes
+
+    def _recheck(self, out: Path) -> dict[str, Any]:
+        """What policies and rewards of a checkpoint say of the strategies that were found."""
+        assert self._found is not None
+        told = self._found.recheck(Learned.load(out / CHECKPOINT_FILE))
+        self._agreement = describe_recheck(told)
+        return told
 
     def _make_collector(self) -> Collector | None:
         config = self.config
@@ -397,6 +413,8 @@ class Trainer(ManagedNode):
                 raise self._newcomers.failure
             self._newcomers.report()
         elif self._run is not None and not self._run.is_alive:
+            if self._agreement:
+                self.get_logger().info(self._agreement)
             print(f"policies written to {self._out / POLICIES_FILE}", flush=True)
             if self._newcomers is None:
                 raise Finished(0)

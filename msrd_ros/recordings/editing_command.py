@@ -12,7 +12,9 @@ from pathlib import Path
 
 from msrd_ros.contract.labels import UNLABELLED
 from msrd_ros.contract.topics import parse_topic_names
+from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.curation import Curation
+from msrd_ros.recordings.found_strategies import FoundStrategies
 from msrd_ros.recordings.journal import Edit
 from msrd_ros.recordings.row import ACCEPTED, Row
 from msrd_ros.recordings.table import StrokeTable
@@ -76,8 +78,19 @@ def add_editing_verbs(verbs: argparse._SubParsersAction[argparse.ArgumentParser]
 
     one = _edit(verbs, "relabel", "give a bag another label", lambda c, o: c.relabel(o.bag, o.label))
     one.add_argument(
-        "label", metavar="LABEL", help=f"any name of a-z, 0-9 and hyphen; {UNLABELLED} takes it away"
+        "label",
+        metavar="LABEL",
+        nargs="?",
+        help=f"any name of a-z, 0-9 and hyphen; {UNLABELLED} takes it away",
     )
+    one.add_argument(
+        "--from",
+        dest="found",
+        type=Path,
+        metavar="FILE",
+        help="instead of LABEL: the strategies.json whose names all bags of the folder BAG get",
+    )
+    one.set_defaults(run=_relabel, relabel_one=one.get_default("run"))
     one = _edit(verbs, "trim", "keep a part of a bag", lambda c, o: c.trim(o.bag, o.begin_s, o.end_s))
     one.add_argument("begin_s", type=float, metavar="BEGIN", help="s from the bag's start")
     one.add_argument("end_s", type=float, metavar="END", help="s from the bag's start")
@@ -109,6 +122,20 @@ def _edit(
     add_reading_options(parser)
     parser.set_defaults(run=run)
     return parser
+
+
+def _relabel(options: argparse.Namespace) -> int:
+    if (options.label is None) == (options.found is None):
+        raise UserError("give a LABEL for one bag, or --from FILE for a folder")
+    if options.found is None:
+        return int(options.relabel_one(options))
+    edits = 0
+    found = FoundStrategies.read(options.found)
+    for edit in found.relabel(options.bag, *read_options(options), lambda note: _tell([note])):
+        print(edit)
+        edits += 1
+    print(f"{edits} edit{'s' * (edits != 1)}")
+    return 0
 
 
 def _list(options: argparse.Namespace) -> int:

@@ -165,6 +165,9 @@ def test_strategies_are_found_in_strokes_without_labels(stack: Stack, tmp_path: 
     ]
     assert set(map(str, policies.labels)) == set(found["strategies"]) == {"strategy-1", "strategy-2"}
     assert found["doubted"] == []
+    result = json.loads((out / "training.json").read_text())
+    assert result["recheck"]["of"] == 18
+    trainer.wait_for_line("of 18 strokes .* are likeliest under the policy of the strategy")
     for name, does in found["does"].items():
         assert does["side"] == "forehand"
         trainer.wait_for_line(rf"{name} \(9 strokes\): {does['side']}, {does['spin']}")

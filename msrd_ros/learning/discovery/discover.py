@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,19 +11,15 @@ from scipy.optimize import linear_sum_assignment
 from threadpoolctl import threadpool_limits
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.discovery.features import (
-    decorrelated,
-    path_features,
-    standardised,
-    state_features,
-)
+from msrd_ros.learning.discovery.features import courses, standardised, state_features
 from msrd_ros.learning.discovery.partition import Labels
-from msrd_ros.learning.discovery.regression import fit, fit_as_they_are
 from msrd_ros.learning.discovery.result import Discovery
+from msrd_ros.learning.discovery.same_policy import Regressions
 from msrd_ros.learning.discovery.search import (
-    MOST_SHARE_OF_ONE_POLICY,
+    MOST_DEPARTURES_OF_ONE_POLICY,
     Beliefs,
     Found,
+    evidence_alone,
     mixture_partition,
     same_policy_partition,
 )
@@ -30,7 +27,10 @@ from msrd_ros.learning.trajectories import Demonstrations
 
 Array = NDArray[np.float64]
 
-LENGTH_SCALE = 2.0
+LENGTH_SCALES = (1.0, 2.0, 4.0)
+"""Of policies, as of `state_features`; the one of the highest evidence is taken."""
+LEAST_DIMENSIONS = 3
+"""Of a course; more where demonstrations are more than twice their square: a scatter has as many numbers."""
 TRUST = 0.7
 """Probability that a given label is right, before it has been looked at."""
 LEAST_STEPS = 2
@@ -66,7 +66,8 @@ def discover(
 
     Notes
     -----
-    Units and scales of columns do not matter. See ``docs/discover.md`` for the model.
+    Units and scales of observations do not matter, nor a unit that all actions have in common. See
+    ``docs/discover.md`` for the model.
     """
     states, moves = _checked(observations, actions)
     given = _given(labels, len(states))
@@ -78,16 +79,17 @@ def discover(
     )
     # Threads that share out matrices this small wait for each other: many times slower on a busy machine.
     with threadpool_limits(1, "blas"):
-        found, one_policy = _search(standardised(states), standardised(moves), beliefs, seed)
+        found, one_policy = _search(states, moves, beliefs, seed)
         found = _trusting(found, beliefs, len(known), np.random.default_rng([seed, 1]))
     members = found.labels
     chances = found.partitions.responsibilities(members)[:, :-1]
-    spoken = _spoken(members, beliefs.given, len(known))
+    votes = _votes(members, beliefs.given, len(known))
+    spoken = _spoken(votes)
     agreed = np.array([[said == label for said in spoken] for label in beliefs.given])
     right = (chances * agreed).sum(axis=1)
     doubted = np.flatnonzero((beliefs.given >= 0) & (right < 0.5 * chances.sum(axis=1)))
     return Discovery(
-        _names(members, spoken, beliefs.given, known),
+        _names(votes, spoken, known),
         members,
         chances,
         tuple(int(number) for number in doubted),
@@ -100,7 +102,7 @@ def discover(
 def discovered(demonstrations: Demonstrations, seed: int = 0) -> tuple[Demonstrations, Discovery]:
     """The same demonstrations under the strategies found in them, and what was found.
 
-    Labels are taken as `discover` takes them; those labelled `UNLABELLED` have none. Numbers in the result
+    Labels are taken as `discover` takes them; those labelled `NO_LABEL` have none. Numbers in the result
     are those of `Demonstrations.trajectories` of the demonstrations that were given.
 
     Raises
@@ -118,13 +120,18 @@ def _search(states: list[Array], moves: list[Array], beliefs: Beliefs, seed: int
     if len(states) == 1:
         raise UserError("demonstrations: there is one; strategies are told apart from two on")
     rng = np.random.default_rng(seed)
-    policies = fit(state_features(states, LENGTH_SCALE, rng), moves)
-    found, share = same_policy_partition(policies, beliefs, rng)
-    if share <= MOST_SHARE_OF_ONE_POLICY:
+    scaled = standardised(moves)
+    moving = np.any([table.any(axis=0) for table in scaled], axis=0)
+    outputs = [table[:, moving] for table in scaled]
+    scales = [
+        Regressions(state_features(standardised(states), length, rng), outputs) for length in LENGTH_SCALES
+    ]
+    regressions = max(scales, key=lambda sums: evidence_alone(sums, beliefs))
+    found, departures = same_policy_partition(regressions, beliefs, rng)
+    if departures <= MOST_DEPARTURES_OF_ONE_POLICY:
         return found, True
-    courses = [np.concatenate(pair, axis=1) for pair in zip(states, moves, strict=True)]
-    ways = fit_as_they_are(path_features(courses), decorrelated(courses))
-    return mixture_partition(ways, beliefs, rng), False
+    dimensions = max(LEAST_DIMENSIONS, round(math.sqrt(0.5 * len(moves))))
+    return mixture_partition(courses(moves, min(dimensions, len(moves) - 1)), beliefs, rng), False
 
 
 def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generator) -> Found:
@@ -132,7 +139,7 @@ def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generat
     said = beliefs.given >= 0
     if kinds < 2 or not said.any():
         return found
-    spoken = np.array(_spoken(found.labels, beliefs.given, kinds))
+    spoken = np.array(_spoken(_votes(found.labels, beliefs.given, kinds)))
     right = int((spoken[found.labels] == beliefs.given)[said].sum())
     trust = float(np.clip((right + 1.0) / (said.sum() + 2.0), 1.0 / kinds, 1.0 - 1e-3))
     partitions = found.partitions.with_trust(trust)
@@ -140,16 +147,21 @@ def _trusting(found: Found, beliefs: Beliefs, kinds: int, rng: np.random.Generat
     return Found(score, labels, partitions)
 
 
-def _spoken(members: Labels, given: Labels, kinds: int) -> list[int]:
+def _votes(members: Labels, given: Labels, kinds: int) -> NDArray[np.int64]:
+    """How many demonstrations of each group have each label, ``[groups, labels]``."""
+    votes = np.zeros((int(members.max()) + 1, max(kinds, 1)), dtype=np.int64)
+    said = given >= 0
+    np.add.at(votes, (members[said], given[said]), 1)
+    return votes
+
+
+def _spoken(votes: NDArray[np.int64]) -> list[int]:
     """What each group is called by its labels, -1 where none of it has one.
 
     Labels and groups are matched so that as many demonstrations as possible are called rightly: two groups do
     not share a name because wrong labels outnumber the right ones in one of them. A group that is left over,
     as where one strategy was split, is called what most of it are.
     """
-    votes = np.zeros((int(members.max()) + 1, max(kinds, 1)), dtype=np.int64)
-    said = given >= 0
-    np.add.at(votes, (members[said], given[said]), 1)
     spoken = np.where(votes.any(axis=1), votes.argmax(axis=1), -1)
     groups, labels = linear_sum_assignment(votes, maximize=True)
     matched = votes[groups, labels] > 0
@@ -157,13 +169,11 @@ def _spoken(members: Labels, given: Labels, kinds: int) -> list[int]:
     return [int(label) for label in spoken]
 
 
-def _names(members: Labels, spoken: list[int], given: Labels, known: tuple[str, ...]) -> tuple[str, ...]:
+def _names(votes: NDArray[np.int64], spoken: list[int], known: tuple[str, ...]) -> tuple[str, ...]:
     """A label names the group that has most of it; other groups are numbered."""
     owner: dict[int, int] = {}
     for group, label in enumerate(spoken):
-        votes = int((given[members == group] == label).sum()) if label >= 0 else 0
-        rival = owner.get(label)
-        if label >= 0 and (rival is None or votes > int((given[members == rival] == label).sum())):
+        if label >= 0 and (label not in owner or votes[group, label] > votes[owner[label], label]):
             owner[label] = group
     names = {group: known[label] for label, group in owner.items()}
     number = 0

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LANDMARKS = 300
+LANDMARKS = 600
 FEATURES = 96
-PATH_FEATURES = 10
+COSINES = 10
 _LEAST_EIGENVALUE = 1e-8
-_LEAST_VARIANCE = 1e-3
 
 
 def standardised(tables: Sequence[Array]) -> list[Array]:
@@ -55,20 +54,25 @@ def _linear(states: Array) -> Array:
     return np.concatenate([np.ones((len(states), 1)), states / np.sqrt(count)], axis=1)
 
 
-def path_features(states: Sequence[Array]) -> list[Array]:
-    """Slow cosines of the time since the start ``[T, F]``, the longest trajectory taking half a period."""
-    longest = max(map(len, states))
-    orders = np.pi * np.arange(PATH_FEATURES)
-    return [np.cos(np.arange(len(table))[:, None] / longest * orders) for table in states]
+def courses(actions: Sequence[Array], count: int) -> Array:
+    """What the courses of actions ``[T, A]`` differ in most between demonstrations, ``[N, count]``.
 
-
-def decorrelated(tables: Sequence[Array]) -> list[Array]:
-    """Principal components of variance 1, without those that hardly move: columns may say a thing twice."""
-    everything = np.concatenate(tables)
-    eigenvalues, vectors = np.linalg.eigh(np.atleast_2d(np.cov(everything.T)))
-    kept = eigenvalues > _LEAST_VARIANCE * eigenvalues.max()
-    projection = vectors[:, kept] / np.sqrt(eigenvalues[kept])
-    return [table @ projection for table in tables]
+    Principal components of slow cosines of the time since the start, the longest demonstration taking half a
+    period; a cosine counts the less the faster it is, as in the motion that comes of the actions. Actions
+    keep the scale that they have to each other: which of them do much tells more than which do little.
+    """
+    longest = max(map(len, actions))
+    orders = np.arange(COSINES)
+    scale = float(np.concatenate(actions).std()) or 1.0
+    rows = []
+    for table in actions:
+        basis = np.sqrt(2.0) * np.cos((np.arange(len(table))[:, None] + 0.5) / longest * np.pi * orders)
+        basis[:, 0] = 1.0
+        weights, *_ = np.linalg.lstsq(basis, table / scale, rcond=None)
+        rows.append((weights / (1.0 + orders)[:, None]).ravel())
+    centred = np.stack(rows) - np.mean(rows, axis=0)
+    left, sizes, _ = np.linalg.svd(centred, full_matrices=False)
+    return np.asarray(left[:, :count] * sizes[:count])
 
 
 def _kernel(left: Array, right: Array, length_scale: float) -> Array:

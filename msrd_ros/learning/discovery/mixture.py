@@ -8,19 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import multigammaln
 
-from msrd_ros.learning.discovery.partition import Labels, canonical
-
 Array = NDArray[np.float64]
-
-_LEAST_SPREAD = 1e-3
-_ROUNDS = 6
-"""Few: with a handful of demonstrations the scale would shrink onto groups that chance has made."""
-_START_SPREAD = 0.05
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How demonstrations scatter about their strategy's mean, and the means about zero.
+    """How demonstrations scatter about their strategy's mean, and the means about a centre.
 
     Attributes
     ----------
@@ -36,6 +29,14 @@ class Spread:
     freedom: float
     ratio: float
 
+    def log_weight_of_centre(self, sizes: NDArray[np.integer]) -> float:
+        """What the evidence of groups about zero lacks of that about a centre of which nothing is known.
+
+        The centre's precision is the sum of the groups' of their means; so many groups lose by it, since
+        demonstrations have been centred, which one group alone would pay for as if it were news.
+        """
+        return -0.5 * len(self.scale) * float(np.log((sizes / (1.0 + sizes * self.ratio)).sum()))
+
 
 class Mixture:
     """Gaussian groups, mean and covariance of each integrated out.
@@ -45,16 +46,16 @@ class Mixture:
 
     Parameters
     ----------
-    factors
+    values
         ``[N, q]``.
     spread
         What all groups have in common.
     """
 
-    def __init__(self, factors: Array, spread: Spread) -> None:
-        count, width = factors.shape
-        products = factors[:, :, None] * factors[:, None, :]
-        self.statistics = np.concatenate([factors, products.reshape(count, -1)], axis=1)
+    def __init__(self, values: Array, spread: Spread) -> None:
+        count, width = values.shape
+        products = values[:, :, None] * values[:, None, :]
+        self.statistics = np.concatenate([values, products.reshape(count, -1)], axis=1)
         self._spread, self._width = spread, width
         self._log_scale = np.linalg.slogdet(spread.scale)[1]
         sizes = np.arange(count + 1, dtype=np.float64)
@@ -81,22 +82,3 @@ class Mixture:
         products = statistics[:, self._width :].reshape(-1, self._width, self._width)
         shrink = self._spread.ratio / (1.0 + counts * self._spread.ratio)
         return np.asarray(products - shrink[:, None, None] * sums[:, :, None] * sums[:, None, :])
-
-
-def fitted_spread(factors: Array, labels: Labels, freedom: float, ratio: float) -> Spread:
-    """The scale of the highest evidence given a partition, by expectation maximisation."""
-    labels, width = canonical(labels), factors.shape[1]
-    spread = Spread(freedom * _START_SPREAD * np.eye(width), freedom, ratio)
-    mixture = Mixture(factors, spread)
-    member = np.eye(int(labels.max()) + 1)[labels]
-    counts = member.sum(axis=0)
-    scatter = mixture.scatter(member.T @ mixture.statistics, counts)
-    scale = spread.scale
-    for _ in range(_ROUNDS):
-        inverse = np.linalg.inv(scale + scatter)
-        scale = (
-            freedom * len(counts) * np.linalg.inv(((freedom + counts)[:, None, None] * inverse).sum(axis=0))
-        )
-        eigenvalues, vectors = np.linalg.eigh(scale)
-        scale = (vectors * np.maximum(eigenvalues, freedom * _LEAST_SPREAD)) @ vectors.T
-    return Spread(scale, freedom, ratio)

@@ -1,36 +1,36 @@
-"""Which strategies there are: the partition of the highest evidence, under the model that explains more."""
+"""Which strategies there are: the partition of the highest evidence."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.special import logsumexp
 
-from msrd_ros.learning.discovery.factors import factors
-from msrd_ros.learning.discovery.mixture import Mixture, Spread, fitted_spread
+from msrd_ros.learning.discovery.mixture import Mixture, Spread
 from msrd_ros.learning.discovery.partition import STRONG, Labels, Partitions, canonical
-from msrd_ros.learning.discovery.regression import Regressions
-from msrd_ros.learning.discovery.same_policy import SamePolicy
+from msrd_ros.learning.discovery.same_policy import Regressions, SamePolicy
 
 Array = NDArray[np.float64]
 
-SHARES = (1e-5, 1e-4, 1e-3, 1e-2, 0.1)
-MOST_SHARE_OF_ONE_POLICY = 1e-3
-"""Departures of at most a thirtieth of what strategies differ by: the demonstrations follow one policy."""
-FACTORS = 3
-"""Few, for the scatter within strategies has to be told from a handful of demonstrations each."""
-FREEDOMS = (2.0, 16.0, 128.0)
-RATIOS = (10.0, 30.0, 100.0)
-_START_SPREADS = (0.003, 0.01, 0.03, 0.1)
-_START_SLACKS = (0.0, 4.0 * STRONG)
-"""Also from fewer groups than are best before the spread is known."""
-_START_NUMBERS = (2, 3, 4, 6, 8, 12, 24)
-_ANNEALING = (3.0, 2.0, 1.5, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0)
-_TUNINGS = 3
-_REHEATED = 2
+RATIOS_OF_WEIGHTS = tuple(10.0**power for power in range(7))
+SHARES = (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3)
+MOST_DEPARTURES_OF_ONE_POLICY = 100.0
+"""Variance of departures in units of the noise's. With more, noise hardly hides them, and each demonstration
+is a policy of its own, however many its steps."""
+FREEDOM = 8.0
+"""Of the groups' covariances, beyond the least: how alike they are."""
+SCATTERS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Of groups, in parts of the variance over all demonstrations."""
+RATIOS_OF_MEANS = (3.0, 10.0, 30.0, 100.0)
+_SLACKS = (0.0, 2.0 * STRONG)
+"""Also from fewer groups than are best under a spread."""
+_ROUNDS = 3
+_MOVES = (0.0,) * 5
 
 
 class Found(NamedTuple):
@@ -57,81 +57,86 @@ class Beliefs(NamedTuple):
     given: Labels
     trust: float
 
+    def over(self, model: SamePolicy | Mixture) -> Partitions:
+        """Partitions under a model."""
+        return Partitions(model, self.given, self.trust)
+
+
+def evidence_alone(regressions: Regressions, beliefs: Beliefs) -> float:
+    """The highest log-evidence of demonstrations one by one: by it features are held against each other."""
+    alone = np.arange(len(regressions.steps))
+    chosen = _likeliest(regressions, beliefs, alone, SHARES[:1])
+    return beliefs.over(SamePolicy(regressions, *chosen)).score(alone)
+
 
 def same_policy_partition(
-    policies: Regressions, beliefs: Beliefs, rng: np.random.Generator
+    regressions: Regressions, beliefs: Beliefs, rng: np.random.Generator
 ) -> tuple[Found, float]:
-    """The best partition into single policies, and the share of departures under which it was found."""
-    best, share = None, 0.0
-    for candidate in SHARES:
-        model = SamePolicy(policies, candidate)
-        partitions = Partitions(model, beliefs.given, beliefs.trust)
-        score, labels = partitions.agglomerate(np.arange(len(model.statistics)), STRONG)
-        gain = np.inf if best is None else score + model.constant - best.score
-        if gain > STRONG:
-            best, share = Found(score + model.constant, labels, partitions), candidate
-        if gain < -STRONG or share > MOST_SHARE_OF_ONE_POLICY:
-            break
-    assert best is not None
-    if share <= MOST_SHARE_OF_ONE_POLICY:
-        _, labels = best.partitions.move(best.labels, (0.0,) * 5, rng)
-        best = best._replace(labels=labels)
-    return best, share
+    """The best partition into single policies, and the departures in units of noise under which it was found.
 
-
-def mixture_partition(ways: Regressions, beliefs: Beliefs, rng: np.random.Generator) -> Found:
-    """The best partition into Gaussian groups of the factors in which demonstrations differ most."""
-    values = factors(ways, min(FACTORS, len(ways.steps) - 1))
-    ends = sorted(
-        (_settled(values, start, beliefs, rng) for start in _starts(values, beliefs)),
-        key=lambda end: -end.score,
-    )
-    for end in ends[:2]:
-        for _ in range(_REHEATED):
-            _, labels = end.partitions.move(end.labels, _ANNEALING, rng)
-            ends.append(_settled(values, labels, beliefs, rng))
-    return max(ends, key=lambda end: end.score)
-
-
-def _starts(values: Array, beliefs: Beliefs) -> Iterable[Labels]:
-    count, width = values.shape
-    for spread in _START_SPREADS:
-        freedom = width + 1 + FREEDOMS[1]
-        model = Mixture(values, Spread(freedom * spread * np.eye(width), freedom, 1.0 / spread))
-        partitions = Partitions(model, beliefs.given, beliefs.trust)
-        for slack in _START_SLACKS:
-            yield partitions.agglomerate(np.arange(count), slack)[1]
-    tree = linkage(values, "ward")
-    for number in _START_NUMBERS:
-        if number < count / 1.5:
-            yield canonical(fcluster(tree, number, "maxclust"))
-    yield np.zeros(count, dtype=np.int64)
-
-
-def _settled(values: Array, labels: Labels, beliefs: Beliefs, rng: np.random.Generator) -> Found:
-    """Spread and partition in turn, until neither gets better."""
-    best = _tuned(values, labels, beliefs)
-    for _ in range(_TUNINGS):
-        tuned = _tuned(values, labels, beliefs)
-        _, moved = tuned.partitions.move(tuned.labels, (0.0,) * 5, rng)
-        score, merged = tuned.partitions.agglomerate(moved)
-        if score > best.score:
-            best = Found(score, merged, tuned.partitions)
-        if np.array_equal(merged, canonical(labels)):
-            break
-        labels = merged
-    return best
-
-
-def _tuned(values: Array, labels: Labels, beliefs: Beliefs) -> Found:
-    """The spread of the highest evidence for a partition."""
-    best = None
-    for freedom in FREEDOMS:
-        for ratio in RATIOS:
-            spread = fitted_spread(values, labels, values.shape[1] + 1 + freedom, ratio)
-            partitions = Partitions(Mixture(values, spread), beliefs.given, beliefs.trust)
-            score = partitions.score(labels)
+    Partition and variances in turn, from those that are likeliest if every demonstration is a strategy of its
+    own without departures, and from those that are if there is one strategy.
+    """
+    alone = np.arange(len(regressions.steps))
+    best, departures, tried = None, 0.0, set()
+    for start, shares in ((alone, SHARES[:1]), (np.zeros_like(alone), SHARES)):
+        labels = start
+        for _ in range(_ROUNDS):
+            chosen = _likeliest(regressions, beliefs, labels, shares if labels is start else SHARES)
+            if chosen in tried:
+                break
+            tried.add(chosen)
+            partitions = beliefs.over(SamePolicy(regressions, *chosen))
+            score, labels = partitions.agglomerate(alone, STRONG)
             if best is None or score > best.score:
-                best = Found(score, canonical(labels), partitions)
+                best, departures = Found(score, labels, partitions), math.prod(chosen)
     assert best is not None
-    return best
+    if departures <= MOST_DEPARTURES_OF_ONE_POLICY:
+        score, labels = best.partitions.move(best.labels, _MOVES, rng)
+        best = best._replace(score=score, labels=labels)
+    return best, departures
+
+
+def _likeliest(
+    regressions: Regressions, beliefs: Beliefs, labels: Labels, shares: Sequence[float]
+) -> tuple[float, float]:
+    """Ratio and share of the highest evidence for a partition."""
+    return max(
+        product(RATIOS_OF_WEIGHTS, shares),
+        key=lambda pair: beliefs.over(SamePolicy(regressions, *pair)).score(labels),
+    )
+
+
+def mixture_partition(values: Array, beliefs: Beliefs, rng: np.random.Generator) -> Found:
+    """The best partition of ``[N, q]`` into Gaussian groups, how far they scatter being integrated out.
+
+    Each spread proposes partitions; all are held against each other by their evidence under all spreads
+    together, since a spread that is fitted to the partition that it judges finds ever smaller groups. There
+    is one strategy unless something speaks strongly against it. The result is thought of under the spread
+    that makes it likeliest.
+    """
+    count, width = values.shape
+    total = float(values.var(axis=0).mean()) or 1.0
+    spreads = [
+        Spread(FREEDOM * part * total * np.eye(width), width + 1 + FREEDOM, ratio)
+        for part, ratio in product(SCATTERS, RATIOS_OF_MEANS)
+    ]
+    searches = [beliefs.over(Mixture(values, spread)) for spread in spreads]
+    proposed = [np.zeros(count, dtype=np.int64)]
+    for partitions, slack in product(searches, _SLACKS):
+        _, labels = partitions.agglomerate(np.arange(count), slack)
+        proposed.append(canonical(partitions.move(labels, _MOVES, rng)[1]))
+    different = list({labels.tobytes(): labels for labels in proposed}.values())
+    scores = np.array(
+        [
+            [
+                partitions.score(labels) + spread.log_weight_of_centre(np.bincount(labels))
+                for partitions, spread in zip(searches, spreads, strict=True)
+            ]
+            for labels in different
+        ]
+    )
+    evidence = logsumexp(scores, axis=1) - np.log(len(searches))
+    one_strategy = evidence[0] >= evidence.max() - STRONG
+    best = 0 if one_strategy else int(np.argmax(evidence))
+    return Found(float(evidence[best]), different[best], searches[int(np.argmax(scores[best]))])

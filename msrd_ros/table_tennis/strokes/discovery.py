@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from msrd_ros.contract.episode import ACTING_STEPS, FIRST_ACTING_STEP, Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.discovery.discover import discover
+from msrd_ros.learning.discovery.recheck import recheck
 from msrd_ros.learning.discovery.result import Discovery
+from msrd_ros.learning.learned import Learned
+from msrd_ros.table_tennis.strategies.table import Strategies
+from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 from msrd_ros.table_tennis.strokes.description import Description, met_side
 
 STRATEGIES_FILE = "strategies.json"
@@ -52,6 +57,27 @@ class SortedStrokes:
             f"{found.sources[number]}: says {found.given[number]}, but is rather {found.labels[number]}"
             for number in found.doubted
         ]
+
+    def recheck(self, learned: Learned) -> dict[str, Any]:
+        """Whether learned policies and rewards agree with what was found, as data for JSON.
+
+        What `Recheck.to_dict` says, strokes that both take for another strategy (``moved``) by their bags.
+
+        Raises
+        ------
+        UserError
+            If something else was learned.
+        """
+        demonstrations = gather_demonstrations(self.episodes, Strategies.shipped())
+        told = recheck(learned, demonstrations).to_dict()
+        order = [
+            episode.source.removeprefix("bag ")
+            for label in demonstrations.layout.labels
+            for episode in self.episodes
+            if episode.label == label
+        ]
+        moved = [{"bag": order[one["index"]], "strategy": one["strategy"]} for one in told["moved"]]
+        return {**told, "moved": moved}
 
     def save(self, out: Path) -> None:
         """Write `STRATEGIES_FILE` into a folder: what `Discovery.to_dict` says, and what the strategies do.
@@ -94,3 +120,13 @@ def sort_strokes(episodes: Sequence[Episode], seed: int) -> SortedStrokes:
         for episode, name in zip(episodes, found.labels, strict=True)
     ]
     return SortedStrokes(named, found)
+
+
+def describe_recheck(told: Mapping[str, Any]) -> str:
+    """What `SortedStrokes.recheck` says, for people."""
+    lines = [
+        f"of {told['of']} strokes {told['agree_by_policies']} are likeliest under the policy of the strategy "
+        f"that was found for them, and {told['agree_by_rewards']} stand out most in its reward",
+        *(f"{one['bag']} is rather {one['strategy']} by both" for one in told["moved"]),
+    ]
+    return "; ".join(lines)

@@ -63,6 +63,9 @@ class RunTask(StrokeTask):
         Called with the policies after cloning and after every evaluation.
     on_iteration
         Called after every iteration with its figures by name.
+    recheck
+        Says, of the folder with a checkpoint, whether what was learned agrees with strategies that were
+        found; None where none were.
     """
 
     def __init__(
@@ -73,10 +76,11 @@ class RunTask(StrokeTask):
         out: Path,
         on_policies: Callable[[StrokePolicies], None],
         on_iteration: Callable[[dict[str, float]], None],
+        recheck: Callable[[Path], dict[str, Any]] | None = None,
     ) -> None:
         super().__init__(training, evaluation_balls)
         self._episodes = episodes
-        self._on_policies, self._on_iteration = on_policies, on_iteration
+        self._on_policies, self._on_iteration, self._recheck = on_policies, on_iteration, recheck
         self._board = SummaryWriter(str(out / BOARD_FOLDER), flush_secs=BOARD_PERIOD_S)
 
     def close(self) -> None:
@@ -119,6 +123,7 @@ class RunTask(StrokeTask):
             "strategy_rewards": list(training.reward_groups),
             "strategy_matrix": training.strategy_matrix(self._episodes).tolist(),
             "task_reward_of_demonstrations": float(training.rewards_of(demonstrations, 0)[0].mean()),
+            **({"recheck": self._recheck(out)} if self._recheck is not None else {}),
         }
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
+import numpy as np
 import pytest
 
-from msrd_ros.contract.episode import Episode
+from msrd_ros.contract.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.core.resources import shipped_bags
+from msrd_ros.learning.discovery.recheck import Recheck
+from msrd_ros.learning.learned import Learned
+from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.recordings.demonstrations import load_strokes
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
-from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, sort_strokes
+from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, describe_recheck, sort_strokes
 
 LABELS = ALL_LABELS[:2]
 
@@ -46,3 +51,27 @@ def test_a_wrong_label_is_doubted(episodes: list[Episode]) -> None:
         strokes.account()[-1]
         == f"{first.source.removeprefix('bag ')}: says {wrong}, but is rather {first.label}"
     )
+
+
+def test_what_learning_takes_for_another_strategy_is_told_by_its_bag(
+    episodes: list[Episode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    strokes = sort_strokes(episodes, seed=0)
+    seen: list[Demonstrations] = []
+
+    def judged(learned: Learned, demonstrations: Demonstrations) -> Recheck:
+        seen.append(demonstrations)
+        names = demonstrations.layout.labels
+        own = np.array([names.index(label) for _, _, label in demonstrations.trajectories()])
+        other = np.eye(2)[np.where(np.arange(len(own)) == 12, 1 - own, own)]
+        return Recheck(own, other, other, names)
+
+    monkeypatch.setattr("msrd_ros.table_tennis.strokes.discovery.recheck", judged)
+    told = strokes.recheck(cast(Learned, None))
+    assert (told["of"], told["agree_by_policies"], told["agree_by_rewards"]) == (18, 17, 17)
+    (moved,) = told["moved"]
+    observations, _, label = seen[0].trajectories()[12]
+    episode = next(e for e in strokes.episodes if e.source == f"bag {moved['bag']}")
+    assert np.allclose(episode.observations[FIRST_ACTING_STEP:][: len(observations)], observations)
+    assert episode.label == label != moved["strategy"]
+    assert describe_recheck(told).endswith(f"; {moved['bag']} is rather {moved['strategy']} by both")
