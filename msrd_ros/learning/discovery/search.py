@@ -17,7 +17,7 @@ from msrd_ros.learning.discovery.same_policy import Regressions, SamePolicy
 
 Array = NDArray[np.float64]
 
-RATIOS_OF_WEIGHTS = tuple(10.0**power for power in range(7))
+RATIOS_OF_WEIGHTS = (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6)
 SHARES = (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3)
 MOST_DEPARTURES_OF_ONE_POLICY = 100.0
 """Variance of departures in units of the noise's. With more, noise hardly hides them, and each demonstration
