@@ -37,10 +37,10 @@ def default_config(restarts: bool = True) -> MSRDConfig:
         discriminator=DiscriminatorConfig(
             batch=256,
             learning_rate=2e-3,
-            # S_i is kept small so that R0 explains what it can: r goes with it (.84, .86, .87 at .05, .2, .5),
-            # the order of what neither fails nor succeeds against it (.83, .83, .81; benchmarks/recipe.py). R0
-            # costs something as well, or it falls without end where generators pile up and demonstrations
-            # never go.
+            # S_i is kept small so that R0 explains what it can: r goes with it (.84, .86, .87 at .05, .2,
+            # .5), the order of what neither fails nor succeeds against it (.83, .83, .81;
+            # benchmarks/recipe.py). R0 costs something as well, or it falls without end where generators
+            # pile up and demonstrations never go.
             penalty_weight=0.2,
             task_penalty_weight=0.05,
             # Without cross-negatives nothing tells S_i what the other strategies look like. Of the task they
