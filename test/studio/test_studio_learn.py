@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -115,7 +116,12 @@ def test_studio_learn_plays_a_name_of_ones_own_while_it_is_learned(page: Page, r
     tab(page, "Learn")
     expect(page.locator("#learning-curves polyline")).to_have_count(1)
     expect(page.locator("#legend")).to_have_text(OWN)
-    assert StrokePolicies.load(runs / "drive" / "policies.safetensors").labels == (OWN,)
+    # Policies go out as soon as there are any, and into the file with the next checkpoint.
+    checkpoint = runs / "drive" / "policies.safetensors"
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while not checkpoint.exists() and time.monotonic() < deadline:
+        page.wait_for_timeout(200)
+    assert StrokePolicies.load(checkpoint).labels == (OWN,)
 
 
 def test_studio_learn_stops_with_a_checkpoint_and_goes_on_from_it(page: Page, runs: Path) -> None:
