@@ -27,7 +27,7 @@ from msrd_ros.learning.methods import METHODS
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.recipe import default_config
-from msrd_ros.learning.rewards import RewardForm
+from msrd_ros.learning.rewards import RewardEnsemble, RewardForm
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Demonstrations, Transitions
 from msrd_ros.studies.lunar_lander.evaluation import judge_task
@@ -129,12 +129,8 @@ def measure(config: MSRDConfig, method: str, seed: int, shown: Demonstrations, t
     for _ in range(learner.config.iterations):
         learner.iterate()
     rewards = learner.averaged_rewards.requires_grad_(False)
-
-    def task(states: torch.Tensor) -> torch.Tensor:
-        flat = rewards.task_features(states.reshape(1, -1, states.shape[-1]))
-        return rewards.task(flat).reshape(states.shape[:-1])
-
-    told = ", ".join(f"{name} {value:.3f}" for name, value in judge_task(task, test).items())
+    marks = judge_task(RewardEnsemble([rewards]).task, test)
+    told = ", ".join(f"{name} {value:.3f}" for name, value in marks.items())
     if rewards.form is RewardForm.TWO_COLUMN:
         told += f", own {_own(rewards, shown)} of {shown.strategies}"
     return f"{told}, return {cloned:.0f}, then {mean_return(learner.policies):.0f}"

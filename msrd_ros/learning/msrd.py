@@ -15,13 +15,13 @@ import torch
 from torch import Tensor
 
 from msrd_ros.learning.cloning import clone
-from msrd_ros.learning.config import MSRDConfig, PolicyReward, RefitConfig
+from msrd_ros.learning.config import MSRDConfig, PolicyReward, RefitConfig, ReplayConfig
 from msrd_ros.learning.displaced import Displacement
 from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
 from msrd_ros.learning.replay import DemonstrationPool, Replay
-from msrd_ros.learning.reward_training import Negatives, RewardTraining
+from msrd_ros.learning.reward_training import Negatives, RewardTraining, used_log_prob
 from msrd_ros.learning.rewards import AveragedRewards, Nearness, RewardModel
 from msrd_ros.learning.rollouts import Collector
 from msrd_ros.learning.trajectories import Demonstrations, Rollouts, Transitions
@@ -187,7 +187,7 @@ class MSRD:
         amount = steps * config.discriminator.batch
         expert = self._demonstrations.sample(chosen, amount, self._generator)
         expert = expert.with_log_prob(self._log_prob(expert))
-        negatives = self._negatives(generated, amount)
+        negatives = self._negatives(generated, config.replay, amount, self._generator)
         metrics = self._training.train(expert, negatives, steps, self.iterations_done, self._generator)
         if config.replay.replay_share > 0.0:
             self._replay.add(generated, config.replay.keep, self._generator)
@@ -223,15 +223,7 @@ class MSRD:
         for _ in range(refit.steps // config.steps):
             expert = self._demonstrations.sample(everything, amount, generator)
             expert = expert.with_log_prob(self._log_prob(expert))
-            past = Negatives.draw(
-                self._snapshots,
-                self._replay,
-                self._snapshots,
-                self._displacement,
-                refit.negatives,
-                amount,
-                generator,
-            )
+            past = self._negatives(self._snapshots, refit.negatives, amount, generator)
             training.train(expert, past, config.steps, 0, generator)
         return averaged.model
 
@@ -270,27 +262,15 @@ class MSRD:
 
     @torch.no_grad()
     def _density(self, log_prob: Tensor, passive: Tensor) -> Tensor:
-        settings = self.config.discriminator
-        if not settings.uses_log_prob:
-            return torch.zeros_like(log_prob)
-        if settings.centre_log_prob:
-            if not isinstance(self.policies, GaussianPolicies):
-                raise TypeError("centre_log_prob needs Gaussian policies")
-            log_std = self.policies.log_std
-            entropy = (log_std + 0.5 * float(np.log(2.0 * np.pi * np.e))).sum(dim=-1)
-            log_prob = log_prob + entropy
-        return log_prob.clamp(*settings.log_prob_bounds) * (1.0 - passive)
+        log_std = self.policies.log_std if isinstance(self.policies, GaussianPolicies) else None
+        return used_log_prob(log_prob, log_std, self.config.discriminator) * (1.0 - passive)
 
-    def _negatives(self, generated: Transitions, amount: int) -> Negatives:
+    def _negatives(
+        self, latest: Transitions, shares: ReplayConfig, amount: int, generator: torch.Generator
+    ) -> Negatives:
         """Transitions to tell the demonstrations from: latest, replayed, and of the cloning snapshots."""
         return Negatives.draw(
-            generated,
-            self._replay,
-            self._snapshots,
-            self._displacement,
-            self.config.replay,
-            amount,
-            self._generator,
+            latest, self._replay, self._snapshots, self._displacement, shares, amount, generator
         )
 
     def state_dict(self) -> dict[str, Any]:

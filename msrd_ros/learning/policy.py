@@ -105,6 +105,11 @@ class PolicySet:
             self.tensors["scale"],
         )
 
+    @property
+    def stacked(self) -> list[str]:
+        """Names of the tensors with a row for each strategy; the others are shared."""
+        return [name for name in self.tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]
+
     def with_policy(self, policy: Policy) -> PolicySet:
         """One strategy more, under the policy's label.
 
@@ -130,8 +135,7 @@ class PolicySet:
     def without(self, label: str) -> PolicySet:
         """One strategy less."""
         row = self.layout.labels.index(label)
-        stacked = [name for name in self.tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]
-        fewer = {name: np.delete(self.tensors[name], row, axis=0) for name in stacked}
+        fewer = {name: np.delete(self.tensors[name], row, axis=0) for name in self.stacked}
         labels = tuple(name for name in self.layout.labels if name != label)
         return replace(self, layout=replace(self.layout, labels=labels), tensors=self.tensors | fewer)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,6 +59,30 @@ class Negatives:
         return cls(displacement.displace(drawn, config.displaced_share, generator))
 
 
+def used_log_prob(log_prob: Tensor, log_std: Tensor | None, config: DiscriminatorConfig) -> Tensor:
+    """Log-densities of actions as the discriminator uses them, of the same shape; see `DiscriminatorConfig`.
+
+    Parameters
+    ----------
+    log_prob
+        Of any shape.
+    log_std
+        ``[..., A]`` of the Gaussian policies, for ``centre_log_prob`` alone.
+
+    Raises
+    ------
+    TypeError
+        If log-densities are to be centred and it is None.
+    """
+    if not config.uses_log_prob:
+        return torch.zeros_like(log_prob)
+    if config.centre_log_prob:
+        if log_std is None:
+            raise TypeError("centre_log_prob needs Gaussian policies")
+        log_prob = log_prob + (log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum(dim=-1)
+    return log_prob.clamp(*config.log_prob_bounds)
+
+
 class RewardTraining:
     """Adam on the rewards; one step is one application of Equation 7 to fresh samples.
 
@@ -80,9 +105,7 @@ class RewardTraining:
         self._averaged = averaged
         self._config = config
         self._iterations = iterations
-        task = list(rewards.task_network.parameters())
-        if rewards.nearness is not None:
-            task += list(rewards.nearness.parameters())
+        task = list(rewards.task_parameters())
         own = list(rewards.strategy_network.parameters())
         if rewards.potential_network is not None:
             own += list(rewards.potential_network.parameters())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import cast
@@ -174,6 +174,45 @@ class RewardModel(nn.Module):
         if self.form is RewardForm.VANILLA:
             return RewardValues(own, task, own - task)
         return RewardValues(task + self.alpha * own, task, own)
+
+    def task_parameters(self) -> Iterator[nn.Parameter]:
+        """All weights of R0."""
+        yield from self.task_network.parameters()
+        if self.nearness is not None:
+            yield from self.nearness.parameters()
+
+    def with_room(
+        self, groups: tuple[int, ...], alpha: float | tuple[float, ...], generator: torch.Generator
+    ) -> RewardModel:
+        """R0 as it is here, with strategy networks of the same size that know nothing yet.
+
+        Parameters
+        ----------
+        groups
+            ``reward_groups`` of the new strategies.
+        alpha
+            Their weights.
+
+        Returns
+        -------
+        RewardModel
+            Of two columns, without shaping; it shares nothing with this one.
+        """
+        room = RewardModel(
+            RewardForm.TWO_COLUMN,
+            len(groups),
+            copy.deepcopy(self.task_features),
+            copy.deepcopy(self.strategy_features),
+            self.task_network.sizes[0] - self.task_features.width,
+            tuple(self.strategy_network.sizes[1:-1]),
+            alpha,
+            generator,
+            discount=self.discount,
+            reward_groups=groups,
+            nearness=copy.deepcopy(self.nearness),
+        )
+        room.task_network.load_state_dict(self.task_network.state_dict())
+        return room
 
     def shaping(self, transitions: Transitions) -> Tensor | float:
         """AIRL's potential-based shaping ``gamma h_i(s') - h_i(s)``, ``[S, N]``, or 0."""

@@ -144,7 +144,6 @@ def _policies_of_all(
     """One policy for every label, in the environment's units; a method's only policy serves all."""
     found = export_policies(learner.policies, demonstrations.layout)
     tensors = dict(found.tensors)
-    stacked = [name for name in tensors if name.startswith(("weight/", "bias/"))] + ["log_std"]
     last = sum(name.startswith("weight/") for name in tensors) - 1
     if scale is not None:
         half, centre = scale.half.astype(np.float32), scale.centre.astype(np.float32)
@@ -152,6 +151,6 @@ def _policies_of_all(
         tensors[f"bias/{last}"] = tensors[f"bias/{last}"] * half + centre
         tensors["log_std"] = tensors["log_std"] + np.log(half)
     if learner.policies.strategies == 1:
-        for name in stacked:
+        for name in found.stacked:
             tensors[name] = np.repeat(tensors[name], demonstrations.strategies, axis=0)
     return PolicySet(found.layout, tensors, {})

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from msrd_ros.learning.action_scale import ActionScale
 from msrd_ros.learning.config import DiscriminatorConfig
 from msrd_ros.learning.newcomers.mixed_policy import MixedPolicy
-from msrd_ros.learning.newcomers.strategy_reward import used_log_prob
 from msrd_ros.learning.policy import Policy
+from msrd_ros.learning.reward_training import used_log_prob
 from msrd_ros.learning.trajectories import Transitions
 
 
@@ -41,7 +41,8 @@ def samples_of(
         alone = MixedPolicy([(1.0, policy)])
         half = np.ones(actions.shape[-1]) if scale is None else scale.half
         density = alone.log_prob(observations[:, : actions.shape[1]], actions) + float(np.log(half).sum())
-        log_prob = used_log_prob(density, alone.deviation / half, config)[None]
+        log_std = torch.as_tensor(np.log(alone.deviation / half))
+        log_prob = used_log_prob(torch.as_tensor(density), log_std, config).float()[None]
     units = actions if scale is None else scale.to_unit(actions)
     return Transitions.of(
         torch.as_tensor(np.asarray(observations), dtype=torch.float32)[None],

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import torch
-from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.config import DiscriminatorConfig
@@ -53,22 +50,9 @@ def learn_strategy_reward(
     if rewards.form is not RewardForm.TWO_COLUMN or rewards.potential_network is not None:
         raise UserError("newcomers: rewards need R0 and S_i, without shaping; train with method msrd")
     # The second row is the known strategies as if they were one: where cross-negatives come from.
-    pair = RewardModel(
-        RewardForm.TWO_COLUMN,
-        2,
-        copy.deepcopy(rewards.task_features),
-        copy.deepcopy(rewards.strategy_features),
-        rewards.task_network.sizes[0] - rewards.task_features.width,
-        tuple(rewards.strategy_network.sizes[1:-1]),
-        float(rewards.alpha.mean()),
-        generator,
-        discount=rewards.discount,
-        nearness=copy.deepcopy(rewards.nearness),
-    )
-    pair.task_network.load_state_dict(rewards.task_network.state_dict())
-    for part in (pair.task_network, pair.nearness):
-        if part is not None:
-            part.requires_grad_(False)
+    pair = rewards.with_room((0, 1), float(rewards.alpha.mean()), generator)
+    for parameter in pair.task_parameters():
+        parameter.requires_grad_(False)
     settings = replace(
         config,
         cross_weight=max(config.cross_weight, 1.0),
@@ -139,39 +123,9 @@ def _composed(
     generator: torch.Generator,
 ) -> RewardModel:
     """R0 of `rewards` and strategy networks taken from anywhere, by row."""
-    model = RewardModel(
-        RewardForm.TWO_COLUMN,
-        len(groups),
-        copy.deepcopy(rewards.task_features),
-        copy.deepcopy(rewards.strategy_features),
-        rewards.task_network.sizes[0] - rewards.task_features.width,
-        tuple(rewards.strategy_network.sizes[1:-1]),
-        alpha,
-        generator,
-        discount=rewards.discount,
-        reward_groups=groups,
-        nearness=copy.deepcopy(rewards.nearness),
-    )
-    model.task_network.load_state_dict(rewards.task_network.state_dict())
+    model = rewards.with_room(groups, alpha, generator)
     with torch.no_grad():
         for name in ("weights", "biases"):
             for layer, target in enumerate(getattr(model.strategy_network, name)):
                 target.copy_(torch.stack([getattr(network, name)[layer][row] for network, row in networks]))
     return model.requires_grad_(False)
-
-
-def used_log_prob(log_prob: np.ndarray, deviation: np.ndarray, config: DiscriminatorConfig) -> Tensor:
-    """Log-densities as the discriminator uses them: see `DiscriminatorConfig`.
-
-    Parameters
-    ----------
-    log_prob
-        Of actions, any shape.
-    deviation
-        ``[A]``, of the policy.
-    """
-    if not config.uses_log_prob:
-        return torch.zeros(log_prob.shape)
-    if config.centre_log_prob:
-        log_prob = log_prob + float((np.log(deviation) + 0.5 * np.log(2.0 * np.pi * np.e)).sum())
-    return torch.as_tensor(np.clip(log_prob, *config.log_prob_bounds), dtype=torch.float32)

@@ -12,7 +12,6 @@ from msrd_ros.learning.config import DiscriminatorConfig
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.newcomers.strategy_reward import (
     learn_strategy_reward,
-    used_log_prob,
     without_strategy,
 )
 from msrd_ros.learning.rewards import RewardForm, RewardModel
@@ -75,14 +74,3 @@ def test_rewards_without_two_columns_are_refused() -> None:
             DiscriminatorConfig(),
             torch.Generator(),
         )
-
-
-def test_log_densities_are_used_as_the_recipe_says() -> None:
-    import numpy as np
-
-    deviation = np.array([0.1, 0.2])
-    entropy = float((np.log(deviation) + 0.5 * np.log(2 * np.pi * np.e)).sum())
-    given = np.array([-3.0, 50.0])
-    centred = replace(DiscriminatorConfig(), centre_log_prob=True, log_prob_bounds=(-10.0, 10.0))
-    assert used_log_prob(given, deviation, centred).tolist() == pytest.approx([entropy - 3.0, 10.0])
-    assert used_log_prob(given, deviation, replace(centred, uses_log_prob=False)).tolist() == [0.0, 0.0]
