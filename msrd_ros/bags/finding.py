@@ -9,8 +9,22 @@ from pathlib import Path
 from msrd_ros.bags.info import is_one_recording
 from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
 from msrd_ros.bags.metadata import METADATA_FILE
+from msrd_ros.core.errors import UserError
 
 _SQLITE_SUFFIX = ".db3"
+
+
+def require_bags_at(path: Path, named: str) -> None:
+    """Refuse a path at which no bags can be.
+
+    Raises
+    ------
+    UserError
+        If it does not exist or is another file; begins with what it is `named`.
+    """
+    if not path.is_dir() and not (path.is_file() and path.suffix == MCAP_SUFFIX):
+        state = "is a file" if path.exists() else "does not exist"
+        raise UserError(f"{named}: {state}; give a folder of bags, a bag's directory or an MCAP file")
 
 
 def find_bags(root: Path, seen: set[str] | None = None) -> list[Path]:

@@ -16,6 +16,7 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 
+from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.contract.topics import parse_topic_names
@@ -41,7 +42,7 @@ from msrd_ros.nodes.newcomer_service import NewcomerService
 from msrd_ros.nodes.played_bags import PlayedBags
 from msrd_ros.nodes.topic_rollouts import TopicCollector
 from msrd_ros.nodes.training_thread import TrainingThread
-from msrd_ros.recordings.episodes import read_kept
+from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
@@ -355,7 +356,8 @@ class Trainer(ManagedNode):
     def _recheck(self, out: Path) -> dict[str, Any]:
         """What policies and rewards of a checkpoint say of the strategies that were found."""
         assert self._found is not None
-        told = self._found.recheck(Learned.load(out / CHECKPOINT_FILE))
+        assert self._training is not None
+        told = self._found.recheck(Learned.load(out / CHECKPOINT_FILE), self._training.demonstrations)
         self._agreement = describe_recheck(told)
         return told
 
@@ -425,7 +427,11 @@ class Trainer(ManagedNode):
         assert self._training is not None
         known = StrokeNewcomers.of_training(self._training, self._episodes)
         names = parse_topic_names(self.config.topics, "parameter topics of trainer")
-        session = NewcomerSession(known, self._out, lambda bag: read_kept(bag, self._robot, names))
+
+        def read(bag: Path) -> list[Episode]:
+            return read_episodes(Bag(bag, names), self._robot, demonstrations_only=True)
+
+        session = NewcomerSession(known, self._out, read)
         self._send_policies(session.policies)
         service.begin(session)
         self._held.callback(service.close)

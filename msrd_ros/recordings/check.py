@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from msrd_ros.bags.finding import find_bags
+from msrd_ros.bags.finding import find_bags, require_bags_at
 from msrd_ros.bags.info import read_info
-from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
 from msrd_ros.contract.labels import UNLABELLED, WITHOUT_LABEL
 from msrd_ros.core.errors import UserError
 from msrd_ros.recordings.episodes import BagReading, read_bags
@@ -62,9 +61,7 @@ def check(path: Path, robot: Robot, names: Mapping[str, str] | None = None) -> l
     UserError
         If there is no such folder, or it is another file.
     """
-    if not path.exists() or (path.is_file() and path.suffix != MCAP_SUFFIX):
-        state = "is a file" if path.exists() else "does not exist"
-        raise UserError(f"{path}: {state}; give a folder of bags, a bag's directory or an MCAP file")
+    require_bags_at(path, str(path))
     checked = [_check_one(found, path, robot, names) for found in find_bags(path)]
     return sorted(checked, key=lambda one: one.bag)
 

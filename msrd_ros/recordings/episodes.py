@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 from msrd_ros.bags.devices import ArmMessages
@@ -159,31 +158,11 @@ def read_bags(
             yield BagReading(info, refused=(str(error).removeprefix(f"bag {info.path}: "),))
 
 
-def read_kept(
-    path: Path, robot: Robot | None = None, names: Mapping[str, str] | None = None
-) -> list[Episode]:
-    """The strokes of one bag that may be learned from, of an arm (the default one if None), labelled or not.
-
-    Parameters
-    ----------
-    names
-        As of `read_bags`.
-
-    Raises
-    ------
-    UserError
-        If the bag cannot be read, is of another robot, or all of it is refused; names the bag and says why.
-    """
-    reading = read_bag(Bag(path, names or {}), robot, unlabelled=True)
-    if not reading.episodes:
-        raise UserError(f"bag {path}: {'; '.join(reading.refused) or 'holds no stroke'}")
-    return list(reading.episodes)
-
-
-def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
+def read_episodes(bag: Bag, robot: Robot | None = None, demonstrations_only: bool = False) -> list[Episode]:
     """The accepted strokes of a bag as arrays, of an arm (the default one if None), labelled or not.
 
     A bag of one stroke may be of a ball that was not returned: it is no demonstration, but can be looked at.
+    With `demonstrations_only` it is refused, as by `read_bag`.
 
     Raises
     ------
@@ -191,9 +170,9 @@ def read_episodes(bag: Bag, robot: Robot | None = None) -> list[Episode]:
         If the bag cannot be read, is of another robot, or none of its strokes is accepted; names the bag and
         says why.
     """
-    reading = read_bag(bag, robot, demonstrations_only=False, unlabelled=True)
+    reading = read_bag(bag, robot, demonstrations_only, unlabelled=True)
     if not reading.episodes:
-        raise UserError(f"bag {bag.info.path}: {'; '.join(reading.refused)}")
+        raise UserError(f"bag {bag.info.path}: {'; '.join(reading.refused) or 'holds no stroke'}")
     return list(reading.episodes)
 
 

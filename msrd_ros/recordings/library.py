@@ -6,9 +6,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from msrd_ros.bags.finding import find_bags
+from msrd_ros.bags.finding import find_bags, require_bags_at
 from msrd_ros.bags.info import BagInfo, read_info
-from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
 from msrd_ros.contract.labels import UNLABELLED, StrategyLabel
 from msrd_ros.core.errors import UserError
 
@@ -48,11 +47,7 @@ class BagLibrary:
         refused: list[str] = []
         seen: set[str] = set()
         for root in map(Path, roots):
-            if not root.is_dir() and not (root.is_file() and root.suffix == MCAP_SUFFIX):
-                state = "is a file" if root.exists() else "does not exist"
-                raise UserError(
-                    f"folder {root}: {state}; give a folder of bags, a bag's directory or an MCAP file"
-                )
+            require_bags_at(root, f"folder {root}")
             known = len(seen)
             found = find_bags(root, seen)
             for path in found:

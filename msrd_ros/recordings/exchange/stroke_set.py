@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.bags.finding import find_bags
+from msrd_ros.bags.finding import find_bags, require_bags_at
 from msrd_ros.bags.info import read_info
-from msrd_ros.bags.lone_mcap import MCAP_SUFFIX
 from msrd_ros.contract.columns import ACTION, ENVIRONMENT_STATE, JOINT_VELOCITY, STATE
 from msrd_ros.contract.episode import Episode
 from msrd_ros.core.errors import UserError
@@ -96,9 +95,7 @@ def read_stroke_set(folder: Path, robot: Robot, names: Mapping[str, str]) -> Str
     UserError
         If there is no such folder, or nothing in it is accepted.
     """
-    if not folder.exists() or (folder.is_file() and folder.suffix != MCAP_SUFFIX):
-        state = "is a file" if folder.exists() else "does not exist"
-        raise UserError(f"{folder}: {state}; give a folder of bags, a bag's directory or an MCAP file")
+    require_bags_at(folder, str(folder))
     strokes: list[SetStroke] = []
     refused: dict[str, str] = {}
     bags = {_below(path, folder): path for path in find_bags(folder)}

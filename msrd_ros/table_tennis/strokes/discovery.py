@@ -15,8 +15,7 @@ from msrd_ros.learning.discovery.discover import discover
 from msrd_ros.learning.discovery.recheck import recheck
 from msrd_ros.learning.discovery.result import Discovery
 from msrd_ros.learning.learned import Learned
-from msrd_ros.table_tennis.strategies.table import Strategies
-from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
+from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.table_tennis.strokes.description import Description, met_side
 
 STRATEGIES_FILE = "strategies.json"
@@ -58,17 +57,23 @@ class SortedStrokes:
             for number in found.doubted
         ]
 
-    def recheck(self, learned: Learned) -> dict[str, Any]:
+    def recheck(self, learned: Learned, demonstrations: Demonstrations) -> dict[str, Any]:
         """Whether learned policies and rewards agree with what was found, as data for JSON.
 
         What `Recheck.to_dict` says, strokes that both take for another strategy (``moved``) by their bags.
+
+        Parameters
+        ----------
+        learned
+            From these strokes.
+        demonstrations
+            As `gather_demonstrations` makes them of `episodes`.
 
         Raises
         ------
         UserError
             If something else was learned.
         """
-        demonstrations = gather_demonstrations(self.episodes, Strategies.shipped())
         told = recheck(learned, demonstrations).to_dict()
         order = [
             episode.source.removeprefix("bag ")

@@ -17,6 +17,8 @@ from msrd_ros.learning.learned import Learned
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.recordings.demonstrations import load_strokes
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
+from msrd_ros.table_tennis.strategies.table import Strategies
+from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 from msrd_ros.table_tennis.strokes.discovery import STRATEGIES_FILE, describe_recheck, sort_strokes
 
 LABELS = ALL_LABELS[:2]
@@ -67,7 +69,8 @@ def test_what_learning_takes_for_another_strategy_is_told_by_its_bag(
         return Recheck(own, other, other, names)
 
     monkeypatch.setattr("msrd_ros.table_tennis.strokes.discovery.recheck", judged)
-    told = strokes.recheck(cast(Learned, None))
+    shown = gather_demonstrations(strokes.episodes, Strategies.shipped())
+    told = strokes.recheck(cast(Learned, None), shown)
     assert (told["of"], told["agree_by_policies"], told["agree_by_rewards"]) == (18, 17, 17)
     (moved,) = told["moved"]
     observations, _, label = seen[0].trajectories()[12]

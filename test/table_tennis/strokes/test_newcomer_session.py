@@ -10,13 +10,14 @@ from typing import Any, cast
 import pytest
 
 from made_up_policies import made_up_policies
+from msrd_ros.bags.reader import Bag
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.newcomers.newcomers import Meeting
 from msrd_ros.learning.newcomers.recognition import Recognition, Verdict
-from msrd_ros.recordings.episodes import read_kept
+from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.table_tennis.strokes.newcomer_session import JOURNAL_FILE, NewcomerSession, read_journal
 from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
@@ -40,7 +41,11 @@ class Met:
 
 def session(out: Path) -> tuple[NewcomerSession, Met]:
     met = Met()
-    return NewcomerSession(cast(StrokeNewcomers, met), out, read_kept), met
+
+    def read(bag: Path) -> list[Episode]:
+        return read_episodes(Bag(bag), demonstrations_only=True)
+
+    return NewcomerSession(cast(StrokeNewcomers, met), out, read), met
 
 
 def test_a_bag_is_met_under_its_label_and_written_down(tmp_path: Path) -> None:
