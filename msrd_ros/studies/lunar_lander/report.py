@@ -65,6 +65,14 @@ def _rewards(report: Report, metrics: dict[str, Any]) -> None:
     rows.append(["taught the true returns of the other set", *taught, "-", "-", "-"])
     columns = [f"{set_name}: {TITLES[mark]}" for set_name in names for mark in TASK_MARKS]
     report.table(["method", *columns, "own", "seconds", "million steps"], rows)
+    told = metrics["ceiling"].items()
+    report.paragraph(
+        "On the set that it was taught the last row's reward has r "
+        + " and ".join(f"{found['taught_r']:.2f} (judged on {name} then)" for name, found in told)
+        + ". Of the trajectories that crashed within the bounds "
+        + " and ".join(f"{100 * found['standing_wrecks']:.0f} % ({name})" for name, found in told)
+        + " end still and upright on both legs, as landers at rest do."
+    )
     report.table(
         ["published (other trajectories, another KL)", "r", "return", "KL"], [list(row) for row in PUBLISHED]
     )

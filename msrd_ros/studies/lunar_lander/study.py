@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from msrd_ros.studies.lunar_lander import drawing, environment, test_sets
-from msrd_ros.studies.lunar_lander.ceiling import taught_reward
+from msrd_ros.studies.lunar_lander.ceiling import ceilings
 from msrd_ros.studies.lunar_lander.demonstrations import LanderDemonstrations, load_demonstrations
-from msrd_ros.studies.lunar_lander.evaluation import LanderTest, judge, judge_task
+from msrd_ros.studies.lunar_lander.evaluation import LanderTest, judge
 from msrd_ros.studies.lunar_lander.methods import METHODS
 from msrd_ros.studies.lunar_lander.task import LANDER, default_budget
 from msrd_ros.studies.lunar_lander.test_sets import SetPlan, TestSet, kept_test_set, make_test_set
+from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.method import Budget, silent
 from msrd_ros.studies.shared.runs import TEST_SEED, Runs, SharedPlan, append_marks
 from msrd_ros.studies.shared.statistics import diagonal_test, paired_test
@@ -119,11 +120,11 @@ def run_study(
     sets = plan.test_sets(source, folder, progress)
     runs = plan.runs(source, folder, progress)
     runs.prepare(plan.methods, plan.seeds)
-    ceiling = {
-        name: judge_task(taught_reward(sets[other], plan.taught_steps, SETS[other]), sets[name])
-        for name, other in zip(sets, reversed(sets), strict=True)
-    }
     digests = {name: _digest(found) for name, found in sets.items()}
+    ceiling = cached(
+        folder / f"ceiling-{cache_key(plan.taught_steps, digests)}.json",
+        partial(ceilings, sets, plan.taught_steps, SETS),
+    )
     scores: dict[str, dict[str, list[Any]]] = {}
     for repetition in range(plan.seeds):
         make_test = partial(_lander_test, plan, source, sets)

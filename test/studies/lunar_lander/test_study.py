@@ -45,6 +45,7 @@ def test_quick_study_writes_its_rows_and_a_self_contained_report(quick: tuple[Pa
     assert metrics["methods"]["classifier"]["diagonal"][0] >= 8
     assert {found["trajectories"] for found in metrics["sets"].values()} == {30}
     assert set(metrics["ceiling"]) == set(SETS)
+    assert len(list((quick[0] / "runs").glob("ceiling-*.json"))) == 1
     report = (quick[0] / "report.html").read_text()
     assert "taught the true returns of the other set" in report
     assert report.count("data:image/png;base64") == 1
