@@ -39,5 +39,5 @@ def without_bags(data_set: Path, target: Path) -> Path:
 
 
 def _frozen(message: object, number: int) -> object:
-    message.position[0] = 0.25  # type: ignore[attr-defined]
+    message.position[3] = 1.25  # type: ignore[attr-defined]
     return message

@@ -26,9 +26,12 @@ def test_shipped_bags_are_demonstrations_of_the_library() -> None:
     assert found.actions.shape[-1] == len(JOINT_NAMES)
 
 
-def test_bags_of_another_arm_are_refused_by_what_they_lack() -> None:
-    with pytest.raises(UserError, match="shoulder_pan_joint"):
+def test_bags_of_another_arm_are_refused_by_its_name_or_by_what_they_lack() -> None:
+    with pytest.raises(UserError, match="sawyer, not ur10e"):
         demonstrations(next(shipped_bags().glob("*/forehand-push_001")), robot="ur10e")
+    earlier = Path(__file__).parents[1] / "data" / "0.1.0" / "bags"
+    with pytest.raises(UserError, match="shoulder_pan_joint"):
+        demonstrations(earlier, robot="ur10e")
 
 
 def test_no_bags_is_an_error_that_names_the_folder(tmp_path: Path) -> None:

@@ -34,6 +34,20 @@ class BallLaw:
     velocity_lag_s: float
     gravity_m_s2: float = Scene().gravity_m_s2
 
+    @classmethod
+    def of(cls, scene: Scene, velocity_lag_s: float) -> BallLaw:
+        """The law by which balls fly in a scene."""
+        air, table = scene.air, scene.table
+        return cls(
+            air.drag_coefficient,
+            air.lift_slope,
+            air.lift_saturation,
+            table.restitution,
+            table.friction,
+            velocity_lag_s,
+            scene.gravity_m_s2,
+        )
+
     def constants(self) -> NDArray[np.void]:
         """The law as a scene for the compiled functions, shape (1,)."""
         return Scene(
@@ -54,7 +68,5 @@ class BallLaw:
 OLD_LAW = BallLaw(0.50, 0.357, 0.0, 0.90, 0.25, 0.0)
 """Of version 0.1.0, from papers; it took recorded states as they are."""
 
-LAW = BallLaw(0.547, 3.07, 9.66, 0.963, 0.234, 0.0182)
-"""What `reproduce ball --fit` found. The simulator's ball still has the numbers of 0.1.0 (see
-`scene`): the restitution found is above what the rules' drop test allows, and it is not known which of the
-recordings are off."""
+LAW = BallLaw.of(Scene(), velocity_lag_s=0.0182)
+"""Of the simulators; the lag is that of the events of Ace's matches."""

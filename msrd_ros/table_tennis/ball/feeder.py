@@ -92,8 +92,8 @@ class Feeder:
     """
 
     position_m: Vector = (1.5, 0.0, 1.06)
-    speed_m_s: float = 5.45
-    elevation_rad: float = math.radians(25.0)
+    speed_m_s: float = 5.42
+    elevation_rad: float = math.radians(23.9)
     yaw_rad: float = math.radians(6.5)
     backspin_rad_s: float = 60.0
 

@@ -43,7 +43,7 @@ def test_it_comes_down_there_or_says_that_it_cannot(x: float, y: float, speed: f
 def test_the_feeders_own_ball_can_be_aimed() -> None:
     nominal = Feeder().nominal(Side.FOREHAND)
     place, _ = bounce_and_net(nominal, Scene())
-    aimed = aimed_feed((float(place[0]), float(place[1])), 5.45, 60.0)
+    aimed = aimed_feed((float(place[0]), float(place[1])), 5.42, 60.0)
     np.testing.assert_allclose(np.linalg.norm(aimed.velocity), np.linalg.norm(nominal.velocity))
     np.testing.assert_allclose(aimed.spin, nominal.spin, atol=1.0)
 
