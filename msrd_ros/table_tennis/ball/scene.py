@@ -73,8 +73,8 @@ class Air:
     `lift_slope` S / (1 + `lift_saturation` S) with the spin ratio S = r |spin| / |v|. Without saturation the
     lift is the Magnus force k spin x v, k = rho A r `lift_slope` / (2 m).
 
-    Fitted by `reproduce ball --fit` to 1,388 flights of matches; standard errors 0.005 of the drag, 0.5 of the
-    slope and 2.0 of the saturation, which go together.
+    Fitted by `reproduce ball --fit` to 1,388 flights of matches; standard errors 0.005 of the drag, 0.5 of
+    the slope and 2.0 of the saturation, which go together.
     """
 
     density_kg_m3: float = 1.204
