@@ -121,7 +121,8 @@ class TrainerConfig:
     )
     corrective_cloning: bool = parameter(
         StrokeTrainingConfig.corrective_cloning,
-        "Start from cloning with injected joint offsets and labels that undo them, not from plain cloning",
+        "Start from cloning with injected joint offsets and labels that undo them, which it costs to leave, "
+        "not from plain cloning",
     )
     strategy_rewards: str = parameter(
         StrokeTrainingConfig.strategy_rewards,
@@ -129,7 +130,9 @@ class TrainerConfig:
         choices=tuple(REWARD_GROUPS),
     )
     seed: int = parameter(0, "Everything random follows from it", low=0)
-    spread: str = parameter("standard", "Spread of the feeds trained on", choices=tuple(SPREADS))
+    spread: str = parameter(
+        StrokeTrainingConfig.spread, "Spread of the feeds trained on", choices=tuple(SPREADS)
+    )
     ready_noise_rad: float = parameter(
         StrokeTrainingConfig.ready_noise_rad,
         "Spread of the start posture in training",

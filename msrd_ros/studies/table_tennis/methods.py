@@ -86,18 +86,17 @@ class StrokeMethod:
     main: bool = False
 
 
+_PLAIN = {"corrective_cloning": False, "spread": "standard"}
+"""Where plain cloning is the start, as in the first version of the recipe."""
+
 METHODS = {
     method.name: method
     for method in (
         StrokeMethod("msrd", "MSRD", main=True),
-        StrokeMethod("behaviour_cloning", "behaviour cloning", is_cloned=True, main=True),
-        # With injected joint offsets; everyone else starts from plain cloning.
+        StrokeMethod("behaviour_cloning", "behaviour cloning", training=_PLAIN, is_cloned=True, main=True),
+        # With injected joint offsets: where all start that are not said to start from plain cloning.
         StrokeMethod(
-            "cloning_with_noise",
-            "cloning with corrective noise, no reward",
-            training={"corrective_cloning": True},
-            is_cloned=True,
-            main=True,
+            "cloning_with_noise", "cloning with corrective noise, no reward", is_cloned=True, main=True
         ),
         StrokeMethod("open_loop", "open-loop replay of demonstrations", learns=None, main=True),
         StrokeMethod("airl", AirlSixPolicies.title, AirlSixPolicies(), main=True),
@@ -106,19 +105,16 @@ METHODS = {
             "frozen_reward",
             "plain cloning + frozen R0 + S_i",
             FrozenReward(),
+            training=_PLAIN,
             frozen_from="msrd",
             main=True,
         ),
         StrokeMethod(
             "msrd_randomised",
             "MSRD, trained under worse conditions",
-            training={"spread": "wide", "camera_noise_m": 0.003, "camera_latency_s": 0.02},
+            training={"camera_noise_m": 0.003, "camera_latency_s": 0.02},
         ),
-        StrokeMethod(
-            "msrd_corrective_start",
-            "MSRD from cloning with corrective noise",
-            training={"corrective_cloning": True},
-        ),
+        StrokeMethod("msrd_plain_start", "MSRD from plain cloning", training=_PLAIN),
         StrokeMethod("msrd_as_printed", "MSRD, the paper's loss only", MsrdAsPrinted()),
         StrokeMethod("airl_each_cross", "AIRL per strategy + cross-negatives", AirlEachCross()),
         StrokeMethod(

@@ -65,7 +65,14 @@ STANDARD = FeedSpread(0.03, math.radians(1.5), math.radians(1.5), 20.0, 0.02)
 """Twice `EASY`: the level that learning is judged on."""
 WIDE = STANDARD.wider(1.5)
 
-SPREADS: dict[str, FeedSpread] = {"none": NO_SPREAD, "easy": EASY, "standard": STANDARD, "wide": WIDE}
+SPREADS: dict[str, FeedSpread] = {
+    "none": NO_SPREAD,
+    "easy": EASY,
+    "standard": STANDARD,
+    "wide": WIDE,
+    "twice": STANDARD.wider(2.0),
+    "thrice": STANDARD.wider(3.0),
+}
 """By the name under which parameters know them."""
 
 

@@ -138,7 +138,8 @@ class StrokeNewcomers(Newcomers):
         config: StrokeTrainingConfig | None = None,
         strategies: Strategies | None = None,
     ) -> None:
-        config = config or StrokeTrainingConfig()
+        # A recording or two tell nothing of balls that come wider than they did.
+        config = replace(config or StrokeTrainingConfig(), spread="standard")
         self.robot = policies.robot
         demonstrations = gather_demonstrations(episodes, strategies or Strategies.shipped())
         if demonstrations.layout.labels != policies.policies.layout.labels:

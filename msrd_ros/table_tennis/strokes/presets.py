@@ -84,6 +84,10 @@ def with_recovery_labels(
 
     Offsets of .03 rad, as far as start postures stray; undone at 6 speed fractions a radian. `action_names`
     go with `joint_names` one to one. The noise keeps longer cloning from fitting too closely.
+
+    Clones that begin so well must not be left for little: without a price on that, half as many balls landed
+    within .2 m of the teachers' mean after training as before, since all places where they let their balls
+    land are worth the same to R0.
     """
     recovery_labels = tuple(
         (joint, action, 6.0) for joint, action in zip(joint_names, action_names, strict=True)
@@ -91,5 +95,6 @@ def with_recovery_labels(
     noise = tuple((joint, 0.03) for joint in joint_names)
     return replace(
         config,
+        policy=replace(config.policy, reference_price=1.0),
         cloning=replace(config.cloning, steps=2000, state_noise=noise, recovery_labels=recovery_labels),
     )

@@ -66,7 +66,7 @@ class StrokeTrainingConfig:
     seed
         Everything random follows from it.
     spread
-        Of the feeds that are trained on.
+        Of the feeds that are trained on; twice as wide as what is played, as nothing is lost there by it.
     ready_noise_rad, camera_noise_m, camera_latency_s
         Of the start posture and of what is seen of the ball, in training; the latency is the longest.
     threads
@@ -74,8 +74,8 @@ class StrokeTrainingConfig:
     strategy_rewards
         Whose a strategy reward is, a key of `REWARD_GROUPS`.
     corrective_cloning
-        Whether the policies start from cloning with injected joint offsets and labels that undo them, rather
-        than from plain cloning.
+        Whether the policies start from cloning with injected joint offsets and labels that undo them, and to
+        leave them has a price; otherwise they start from plain cloning and are free.
     cloning_steps
         Adam steps of cloning; None: as many as the recipe has.
     """
@@ -84,12 +84,12 @@ class StrokeTrainingConfig:
     iterations: int = 80
     episodes: int = 200
     seed: int = 0
-    spread: str = "standard"
+    spread: str = "twice"
     ready_noise_rad: float = 0.03
     camera_noise_m: float = 0.001
     camera_latency_s: float = 0.0
     threads: int = 2
-    corrective_cloning: bool = False
+    corrective_cloning: bool = True
     cloning_steps: int | None = None
     strategy_rewards: str = "side_and_stroke"
 

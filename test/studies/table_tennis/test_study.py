@@ -29,7 +29,7 @@ from msrd_ros.studies.table_tennis.robustness import robustness_conditions
 from msrd_ros.studies.table_tennis.statistics import diagonal_wins, friedman
 from msrd_ros.studies.table_tennis.study import file_name
 from msrd_ros.studies.table_tennis.undone import undo_return, untouched_path
-from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, STANDARD, WIDE, Feeder
+from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, STANDARD, Feeder
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
@@ -286,15 +286,19 @@ def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> N
     assert make_training(METHODS["msrd"], data, Budget(), 0).reward_groups == tuple(map(str, ALL_LABELS))
 
 
-def test_corrective_start_and_worse_conditions_are_what_they_say(data: StudyData) -> None:
-    corrective = make_training(METHODS["msrd_corrective_start"], data, Budget(), 0).trainer.config
-    assert corrective.cloning.recovery_labels
+def test_starts_and_worse_conditions_are_what_they_say(data: StudyData) -> None:
+    plain = make_training(METHODS["msrd_plain_start"], data, Budget(), 0)
+    assert not plain.trainer.config.cloning.recovery_labels
+    assert plain.trainer.config.policy.reference_price == 0.0
+    assert plain.simulator.config.variation.feed_spread == STANDARD
     randomised = make_training(METHODS["msrd_randomised"], data, Budget(), 0)
     usual = make_training(METHODS["msrd"], data, Budget(), 0)
+    assert usual.trainer.config.cloning.recovery_labels
+    assert usual.trainer.config.policy.reference_price > 0.0
     assert randomised.trainer.config == usual.trainer.config
     variation = randomised.simulator.config.variation
     assert (variation.feed_spread, variation.camera_noise_m, variation.camera_latency_s) == (
-        WIDE,
+        SPREADS["twice"],
         0.003,
         0.02,
     )
