@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from msrd_ros.robots.loading import load_robot
-from msrd_ros.table_tennis.teachers.planner import PLAN_FILE, plan_all, write_strokes
+from msrd_ros.table_tennis.teachers.planner import PLAN_FILE, kept_strokes, plan_all, write_strokes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--dry-run", action="store_true", help="show them only")
     options = parser.parse_args(arguments)
     robot = load_robot(options.robot)
-    strokes = plan_all(robot)
+    strokes = plan_all(robot, kept=kept_strokes(robot))
     for label, stroke in strokes.items():
         speed, acceleration = stroke.peak_fractions(robot.limits)
         print(

@@ -9,7 +9,7 @@ or two; its result is kept beside the robot's description, for the table and the
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -57,9 +57,15 @@ MOST_COST = 10.0
 
 
 def plan_side(
-    robot: Robot, side: Side, config: PlannerConfig, scene: Scene, feeder: Feeder, resting: list[Array]
+    robot: Robot,
+    side: Side,
+    config: PlannerConfig,
+    scene: Scene,
+    feeder: Feeder,
+    resting: list[Array],
+    kept: Mapping[PaperLabel, JointStroke] | None = None,
 ) -> dict[PaperLabel, JointStroke]:
-    """Plan the three strokes of one side against its nominal feed, from random postures.
+    """Plan the three strokes of one side against its nominal feed, from random postures and from kept ones.
 
     Parameters
     ----------
@@ -67,6 +73,8 @@ def plan_side(
         What to plan for.
     resting
         Postures (N,) that the arm comes from and goes to between strokes, clear of the table.
+    kept
+        Strokes of this arm from before: their postures are tried as well, so that a new plan is never worse.
 
     Raises
     ------
@@ -76,7 +84,7 @@ def plan_side(
     constants = scene.constants()
     problem = SideProblem(robot, side, config, feed_path(feeder.nominal(side), constants), constants)
     faults = []
-    for plan, cost in sorted(_solve_families(problem, resting), key=lambda found: found[1]):
+    for plan, cost in sorted(_solve_families(problem, resting, kept), key=lambda found: found[1]):
         strokes = _strokes_of(problem, plan)
         fault = find_fault(robot, strokes, cost, resting, scene, feeder)
         if not fault:
@@ -133,7 +141,9 @@ def find_fault(
     return f"planned {', '.join(missed)} played as planned does not return the nominal ball" if missed else ""
 
 
-def _solve_families(problem: SideProblem, resting: list[Array]) -> list[tuple[Array, float]]:
+def _solve_families(
+    problem: SideProblem, resting: list[Array], kept: Mapping[PaperLabel, JointStroke] | None
+) -> list[tuple[Array, float]]:
     """Plans of one side from different families of postures, each with its cost."""
     config, robot = problem.config, problem.robot
     count = robot.joint_count
@@ -153,7 +163,17 @@ def _solve_families(problem: SideProblem, resting: list[Array]) -> list[tuple[Ar
         another = all(np.abs(ready - other[:count]).max() > _ANOTHER_FAMILY_RAD for other in families)
         if another and len(families) < config.refined and _paths_are_clear(robot, ready, resting):
             families.append(start)
+    if kept is not None:
+        families.append(_plan_of(problem, kept))
     return [problem.solve(start) for start in families]
+
+
+def _plan_of(problem: SideProblem, strokes: Mapping[PaperLabel, JointStroke]) -> Array:
+    """A plan that strokes follow from; `_strokes_of` undone."""
+    own = [strokes[label] for label in problem.labels]
+    speeds = problem.robot.limits.speed_rad_s
+    hits = [np.r_[stroke.hit_time_s, stroke.hit_position, stroke.hit_velocity / speeds] for stroke in own]
+    return np.concatenate([own[0].start.position, *hits])
 
 
 def _paths_are_clear(robot: Robot, ready: Array, resting: list[Array]) -> bool:
@@ -184,8 +204,9 @@ def plan_all(
     config: PlannerConfig | None = None,
     scene: Scene | None = None,
     feeder: Feeder | None = None,
+    kept: Mapping[PaperLabel, JointStroke] | None = None,
 ) -> dict[PaperLabel, JointStroke]:
-    """Plan all six strokes.
+    """Plan all six strokes; see `plan_side`.
 
     Raises
     ------
@@ -196,7 +217,7 @@ def plan_all(
     resting = [robot.home_rad.copy()]
     for side in Side:
         plan = plan_side(
-            robot, side, config or PlannerConfig(), scene or Scene(), feeder or Feeder(), resting
+            robot, side, config or PlannerConfig(), scene or Scene(), feeder or Feeder(), resting, kept
         )
         strokes |= plan
         resting.append(next(iter(plan.values())).start.position)
@@ -269,8 +290,17 @@ def planned_strokes(
     return _read_strokes(path, path.stat().st_mtime_ns, plan_key(arm), arm.joint_count)
 
 
+def kept_strokes(robot: Robot) -> dict[PaperLabel, JointStroke] | None:
+    """The strokes kept for an arm, even from before it was changed; None if there are none of its joints."""
+    path = robot.folder / PLAN_FILE
+    try:
+        return _read_strokes(path, path.stat().st_mtime_ns, None, robot.joint_count)
+    except (OSError, UserError):
+        return None
+
+
 @cache
-def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[PaperLabel, JointStroke]:
+def _read_strokes(path: Path, changed_ns: int, key: str | None, joints: int) -> dict[PaperLabel, JointStroke]:
     remedy = f"write them with python -m msrd_ros plan {path.parent}"
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -279,7 +309,7 @@ def _read_strokes(path: Path, changed_ns: int, key: str, joints: int) -> dict[Pa
         strokes = {label: _stroke(document[str(label)], joints) for label in ALL_LABELS}
     except (OSError, ValueError, AttributeError, KeyError, TypeError, yaml.YAMLError) as error:
         raise UserError(f"{path}: no usable planned strokes ({error!r}); {remedy}") from None
-    if planned_for != key:
+    if key is not None and planned_for != key:
         raise UserError(f"{path}: planned for the arm as it was ({planned_for}, now {key}); {remedy}")
     return strokes
 

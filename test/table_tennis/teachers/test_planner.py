@@ -26,6 +26,7 @@ from msrd_ros.table_tennis.teachers.planner import (
     MOST_COST,
     PLAN_FILE,
     find_fault,
+    kept_strokes,
     plan_side,
     planned_strokes,
     room_on_path,
@@ -274,6 +275,16 @@ def test_hits_in_singular_postures_cost() -> None:
         for label, stroke in planned_strokes(robot).items():
             assert singular_residual(robot.model, stroke.hit_position) == 0.0, (name, label)
         assert singular_residual(robot.model, np.zeros(robot.joint_count)) > 1.0
+
+
+def test_kept_strokes_are_where_a_plan_may_begin(tmp_path: Path) -> None:
+    kept = kept_strokes(ROBOT)
+    assert kept is not None
+    config = PlannerConfig(searches=0)
+    planned = plan_side(ROBOT, Side.FOREHAND, config, Scene(), Feeder(), [HOME_POSTURE_RAD], kept)
+    for label, stroke in planned.items():
+        np.testing.assert_allclose(stroke.start.position, kept[label].start.position, atol=0.1)
+    assert kept_strokes(replace(ROBOT, folder=tmp_path)) is None
 
 
 def test_kept_strokes_read_back(tmp_path: Path) -> None:
