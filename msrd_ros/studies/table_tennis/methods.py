@@ -33,7 +33,7 @@ from msrd_ros.table_tennis.strokes.training import (
 
 REFIT = RefitConfig()
 """`MSRD.refit_on_replay` before rewards are frozen. With it, and without any price on leaving
-the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.PRIOR_WEIGHT`)."""
+the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.REFERENCE_PRICE`)."""
 
 
 class AirlSixPolicies(Method):
