@@ -12,6 +12,9 @@ import pytest
 import torch
 
 from estimates import require_alike
+from msrd_ros.cluster.places import Place
+from msrd_ros.cluster.workers import silent
+from msrd_ros.core.code import code_digest
 from msrd_ros.core.errors import UserError
 from msrd_ros.studies import reproduce
 from msrd_ros.studies.inverted_pendulum.demonstrators import (
@@ -24,12 +27,13 @@ from msrd_ros.studies.inverted_pendulum.environment import has_fallen, task_rewa
 from msrd_ros.studies.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.studies.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.studies.reproduce import STUDIES, main
-from msrd_ros.studies.shared.cache import cached, code_digest
+from msrd_ros.studies.shared.cache import cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import correlation, evaluate, make_test_set, normalised
 from msrd_ros.studies.shared.frozen_rewards import frozen_rewards, pessimistic
 from msrd_ros.studies.shared.method import Budget, Exercise, restore
 from msrd_ros.studies.shared.methods import METHODS
+from msrd_ros.studies.shared.runs import prepare
 from msrd_ros.studies.shared.statistics import diagonal_test, paired_test
 from quick_studies import play, written_by_virtual_study
 
@@ -87,10 +91,14 @@ def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest
     plan = replace(StudyPlan.quick(), budget=budget, demonstrations=2)
     methods = ("msrd", "classifier")
     found = []
-    for workers in (0, 2):
-        folder = tmp_path / str(workers)
+    for count in (0, 2):
+        folder = tmp_path / str(count)
         folder.mkdir()
-        scores = replace(plan, workers=workers).runs(Kind.DIAYN, folder).compare(methods, 1)["methods"]
+        runs = plan.runs(Kind.DIAYN, folder)
+        with Place().open(count) as workers:
+            prepare(workers, [(runs, methods, 1)], silent)
+        assert len(list(folder.iterdir())) == len(methods)
+        scores = runs.compare(methods, 1)["methods"]
         for row in scores.values():
             del row["seconds"]
         found.append(scores)
