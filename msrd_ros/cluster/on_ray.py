@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,7 @@ ADDRESS_VARIABLE = "RAY_ADDRESS"
 OBJECT_STORE_BYTES = 256 * 2**20
 """Of a Ray of our own: what goes through it are policies and results, a few MB each."""
 _COUNTING_PERIOD_S = 1.0
+_LOOPBACK = re.compile(r"(127\.|localhost:)")
 
 
 class RayWorkers(Workers):
@@ -37,7 +39,7 @@ class RayWorkers(Workers):
     """
 
     def __init__(self, address: str | None, processors: int) -> None:
-        with _environment(is_own=address is None):
+        with _environment(stays_here=address is None or bool(_LOOPBACK.match(address))):
             try:
                 import ray
             except ModuleNotFoundError as error:
@@ -105,12 +107,13 @@ class RayWorkers(Workers):
 
 
 @contextmanager
-def _environment(is_own: bool) -> Iterator[None]:
+def _environment(stays_here: bool) -> Iterator[None]:
     """What Ray reads as it is imported and started, and the processes that it starts inherit."""
     # Nothing of what Ray is used for goes to its makers.
     wanted = {"RAY_USAGE_STATS_ENABLED": "0"}
-    if is_own:
-        # What keeps Ray to the loopback interface, on Linux as well.
+    if stays_here:
+        # What keeps Ray to the loopback interface, on Linux as well; else it takes 127.0.0.1 for the other
+        # address of the machine, where a Ray that was started on loopback does not answer.
         wanted["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)
