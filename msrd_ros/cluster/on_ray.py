@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +19,8 @@ ADDRESS_VARIABLE = "RAY_ADDRESS"
 OBJECT_STORE_BYTES = 256 * 2**20
 """Of a Ray of our own: what goes through it are policies and results, a few MB each."""
 _COUNTING_PERIOD_S = 1.0
-_LOOPBACK = re.compile(r"(127\.|localhost:)")
+_CONNECT_S = 10.0
+_LOOPBACK = re.compile(r"(?:ray://)?(?:127\.|localhost:)")
 
 
 class RayWorkers(Workers):
@@ -39,6 +41,7 @@ class RayWorkers(Workers):
     """
 
     def __init__(self, address: str | None, processors: int) -> None:
+        self._where = address or "this machine"
         with _environment(stays_here=address is None or bool(_LOOPBACK.match(address))):
             try:
                 import ray
@@ -47,6 +50,8 @@ class RayWorkers(Workers):
                     f"Ray was asked for, and {error.name} is not installed; `pip install 'msrd_ros[ray]'`"
                 ) from None
             self._ray = ray
+            if address is not None:
+                self._require_listener(address)
             # On the main thread `init` would take away whoever handles SIGTERM there. The kernel ends the
             # processes of a local Ray with the thread that started them, so this one stays.
             self._thread = ThreadPoolExecutor(1, thread_name_prefix="ray")
@@ -61,12 +66,24 @@ class RayWorkers(Workers):
                 self._thread.submit(ray.init, address or "local", **arguments).result()
             except (OSError, RuntimeError, ValueError, ray.exceptions.RayError) as error:
                 self._thread.shutdown()
-                reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-                where = address or "this machine"
-                raise UserError(f"no Ray at {where}: {reason}; start it there, or give another") from None
+                raise self._nobody(error) from None
         self._perform = ray.remote(num_cpus=1, max_retries=0)(_perform)
         self._running: dict[Any, int] = {}
         self._counted_s, self._count = -_COUNTING_PERIOD_S, 0
+
+    def _require_listener(self, address: str) -> None:
+        """Where nobody listens, Ray would go on trying for minutes."""
+        place = re.fullmatch(r"(?:ray://)?(.+):(\d{1,5})", address)
+        if place is None:
+            return
+        try:
+            socket.create_connection((place[1], int(place[2])), _CONNECT_S).close()
+        except (OSError, OverflowError) as error:
+            raise self._nobody(error) from None
+
+    def _nobody(self, error: Exception) -> UserError:
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+        return UserError(f"no Ray at {self._where}: {reason}; start it there, or give another address")
 
     def close(self) -> None:
         """Leave the cluster, with what is under way there, or end the Ray of our own."""
@@ -91,9 +108,9 @@ class RayWorkers(Workers):
     def next_done(self) -> tuple[int, bytes | Death]:
         """Wait for an answer, or for the news that a process or a machine is lost."""
         errors = self._ray.exceptions
-        (done, *_), _ = self._ray.wait(list(self._running), num_returns=1)
-        ticket = self._running.pop(done)
         try:
+            (done, *_), _ = self._ray.wait(list(self._running), num_returns=1)
+            ticket = self._running.pop(done)
             answer: bytes = self._ray.get(done)
         except (
             errors.LocalRayletDiedError,
@@ -103,6 +120,11 @@ class RayWorkers(Workers):
             errors.WorkerCrashedError,
         ) as error:
             return ticket, Death(f"its process or machine was lost ({type(error).__name__})")
+        except ConnectionError as error:
+            raise UserError(
+                f"the connection to Ray at {self._where} is lost ({error}); what was done is kept, and the "
+                "same command goes on from there"
+            ) from None
         return ticket, answer
 
 

@@ -64,11 +64,9 @@ def run(argv: list[str]) -> int:
         raise UserError(f"--data {options.data}: only flair and ball take data; leave it out")
     if options.fit and ON_RECORDINGS not in names:
         raise UserError("--fit: only ball fits a law to recordings; leave it out")
-    given = [name for name in ("quick", "seeds", "on", "workers") if getattr(options, name)]
+    given = [f"--{name}" for name in ("quick", "seeds", "on", "workers") if getattr(options, name)]
     if ON_RECORDINGS in names and given:
-        raise UserError(
-            f"ball takes a minute and draws nothing; leave out {', '.join(f'--{name}' for name in given)}"
-        )
+        raise UserError(f"ball takes a minute and draws nothing; leave out {', '.join(given)}")
     folders = {}
     for name in names:
         folders[name] = Path(options.out or "out")
@@ -86,7 +84,7 @@ def _open_workers(options: argparse.Namespace) -> Workers:
         raise UserError(
             f"--workers {options.workers}: the Ray at {place.address} has as many as it has; leave it out"
         )
-    in_this_process = options.workers is None and not place.uses_ray and (options.quick or options.fit)
+    in_this_process = options.quick and options.workers is None and not place.uses_ray
     return place.open(0 if in_this_process else options.workers or WORKERS)
 
 
@@ -136,7 +134,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         "--workers",
         type=int,
         default=None,
-        help=f"processes, or processors of a Ray of this command's own; default: {WORKERS}, one with --quick",
+        help=f"processes, or processors of a Ray of our own; default: {WORKERS}, with --quick this one alone",
     )
     parser.add_argument("--fit", action="store_true", help="ball: fit its law, judge players held apart")
     options = parser.parse_args(argv)

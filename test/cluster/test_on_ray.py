@@ -188,7 +188,8 @@ def processes_of(session: str) -> list[str]:
     return found
 
 
-def test_nobody_at_an_address_is_one_clear_line() -> None:
-    with pytest.raises(UserError, match=r"no Ray at ray://127\.0\.0\.1:1: "):
-        RayWorkers(f"ray://{LOOPBACK}:1", 0)
+@pytest.mark.parametrize("scheme", ["", "ray://"])
+def test_nobody_at_an_address_is_one_clear_line(scheme: str) -> None:
+    with pytest.raises(UserError, match=r"no Ray at .*127\.0\.0\.1:1: .*refused"):
+        RayWorkers(f"{scheme}{LOOPBACK}:1", 0)
     assert not ray.is_initialized()
