@@ -2,8 +2,8 @@
 
 Run from the repository: ``python benchmarks/ray_overhead.py [--pairs 12] [--balls 96]``. The work is what the
 trainer's `rollouts` do: balls in Bullet, against policies of random weights, in units of `BALLS_PER_UNIT`.
-Processes, one process and Ray play the same balls one after the other, again and again in changing order, so that
-other work on the machine meets all of them alike; ratios are those of neighbours.
+Processes, one process and Ray play the same balls by turns, again and again in changing order, so that other
+work on the machine meets all of them alike; ratios are those of neighbours.
 """
 
 from __future__ import annotations
