@@ -17,6 +17,8 @@ from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 
 from msrd_ros.bags.reader import Bag
+from msrd_ros.cluster.on_ray import ADDRESS_VARIABLE
+from msrd_ros.cluster.places import LOCAL, RAY, Place
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.contract.topics import parse_topic_names
@@ -153,10 +155,16 @@ class TrainerConfig:
     )
     rollouts: str = parameter(
         "batched",
-        "Where policies are played: batched simulator, Bullet in workers, or simulator and executor nodes",
-        choices=("batched", "bullet", "topics"),
+        "Where policies are played: batched simulator, Bullet in processes or on Ray, or simulator and "
+        f"executor nodes; Ray is the cluster that {ADDRESS_VARIABLE} names, else one of this machine alone",
+        choices=("batched", "bullet", "ray", "topics"),
     )
-    workers: int = parameter(2, "Threads of the batched simulator, or Bullet processes", low=1, high=256)
+    workers: int = parameter(
+        2,
+        "Threads of the batched simulator, Bullet processes, or processors of a Ray of this machine alone",
+        low=1,
+        high=256,
+    )
     torch_threads: int = parameter(
         1, "Threads of torch; more only make small networks wait for each other", low=1, high=256
     )
@@ -363,11 +371,10 @@ class Trainer(ManagedNode):
 
     def _make_collector(self) -> Collector | None:
         config = self.config
-        if config.rollouts == "bullet":
-            players = BulletPlayers(
-                config.workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed)
-            )
-            self._held.callback(players.close)
+        if config.rollouts in ("bullet", RAY):
+            place = Place.parse(RAY if config.rollouts == RAY else LOCAL, "parameter rollouts of trainer")
+            workers = self._held.enter_context(place.open(config.workers))
+            players = BulletPlayers(workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed))
             return BulletCollector(players, self._present_policies, config.spread, config.ready_noise_rad)
         if config.rollouts == "topics":
             return TopicCollector(
