@@ -71,7 +71,9 @@ def import_policies(policies: PolicySet) -> GaussianPolicies:
     """Inverse of `export_policies`: policies that can be learned further, all of a set side by side."""
     tensors = policies.tensors
     features = Features(*(tuple(tensors[name].tolist()) for name in ("indices", "offset", "scale")))
-    weights = [tensors[f"weight/{layer}"] for layer in range(sum(name.startswith("weight/") for name in tensors))]
+    weights = [
+        tensors[f"weight/{layer}"] for layer in range(sum(name.startswith("weight/") for name in tensors))
+    ]
     hidden, actions = tuple(weight.shape[2] for weight in weights[:-1]), weights[-1].shape[2]
     bounds = float(tensors["log_std"].min()), float(tensors["log_std"].max())
     found = GaussianPolicies(len(weights[0]), features, actions, hidden, 0.0, *bounds, torch.Generator())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 from msrd_ros.learning.harness import Harness
 
@@ -14,6 +15,8 @@ class TrainingThread:
     ----------
     harness
         What is run. Its events pause it, stop it and ask for checkpoints.
+    afterwards
+        Done once the harness has run to its end; None, or left out if it was stopped: nothing.
 
     Attributes
     ----------
@@ -21,8 +24,8 @@ class TrainingThread:
         What the run ended with, for the thread that looks after it to raise; None while all is well.
     """
 
-    def __init__(self, harness: Harness) -> None:
-        self.harness = harness
+    def __init__(self, harness: Harness, afterwards: Callable[[], None] | None = None) -> None:
+        self.harness, self._afterwards = harness, afterwards
         self.failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="training")
         self._thread.start()
@@ -49,5 +52,7 @@ class TrainingThread:
     def _run(self) -> None:
         try:
             self.harness.run()
+            if self._afterwards is not None and not self.harness.stop.is_set():
+                self._afterwards()
         except BaseException as error:  # handed on to the main thread, which raises it
             self.failure = error

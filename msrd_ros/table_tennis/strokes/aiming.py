@@ -3,9 +3,8 @@
 Policies play in the batched simulator; each rollout is repeated with small offsets of its actions until its
 ball lands near a target (`corrected_rollouts`), and is then labelled with where its ball did land, as in
 hindsight experience replay (Andrychowicz et al. 2017) and goal-conditioned supervised learning (Ghosh et al.
-2021). Policies that see the target beside the rest are cloned from these rollouts, with corrective noise. They
-are the next to be repeated. A referee says where balls landed while learning; a policy that plays sees none of
-that.
+2021). Policies that see the target beside the rest are cloned from these rollouts, with corrective noise.
+While they learn, the referee says where balls landed; while they play, nobody does.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from scipy.ndimage import uniform_filter
 
 from msrd_ros.contract.episode import ACTING_STEPS, BALL_NAMES, CONTROL_PERIOD_S, action_names
 from msrd_ros.contract.labels import StrategyLabel
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.checkpoints import export_policies, import_policies
 from msrd_ros.learning.cloning import CloningConfig, clone
 from msrd_ros.learning.networks import Features
@@ -36,11 +36,10 @@ from msrd_ros.table_tennis.simulation.batched import (
 )
 from msrd_ros.table_tennis.strokes.corrected_rollouts import (
     BatchPolicy,
+    Corrected,
     CorrectionConfig,
     Feeds,
-    Landed,
     RepeatedRallies,
-    Rollout,
     correct,
     fit_response,
 )
@@ -53,10 +52,15 @@ GRID_X_M = tuple(np.linspace(0.30, 1.20, 9).tolist())
 GRID_Y_M = tuple(np.linspace(-0.55, 0.55, 9).tolist())
 """Targets that are tried: up to the smaller margin that a ball of 20 cm of scatter has on the table."""
 LEARNING_RATES = 3e-3, 3e-4
-"""Cloning goes on at a tenth of the rate, which ends at a hundredth: the last step's noise is centimetres here."""
+"""Cloning goes on at a tenth of the rate: the noise of the last steps is centimetres here."""
 AIMING_STREAM, REACH_STREAM = 0xA1A, 0x7EAC4
 RECOVERY_RAD, RECOVERY_GAIN = 0.03, 3.0
-"""Joint offsets while cloning, and the speed fractions a radian that undo them: `presets.with_recovery_labels`."""
+"""Joint offsets while cloning, and the speed fractions a radian that undo them. With 6, as `presets` have it,
+landings come less near in as many steps."""
+LEAST_RETURNED = 0.5
+"""Of the balls of each strategy, for its rollouts to show how landings follow what is done."""
+HIT_M = 0.10
+"""From its target a repeated rollout is told of as there."""
 NEAR_M, ABOUT_M = 0.20, 0.30
 """Distances from a target that are judged."""
 
@@ -67,10 +71,8 @@ class AimingConfig:
 
     Attributes
     ----------
-    rounds
-        How often policies are repeated and cloned.
     rollouts
-        Rollouts of each strategy in a round.
+        Rollouts of each strategy.
     home_share
         Of their targets, this share lies about the teacher's mean point.
     margin_m
@@ -78,7 +80,7 @@ class AimingConfig:
     hidden
         Widths of the policies' hidden layers.
     cloning_steps, batch
-        Adam steps in each round, each on so many transitions of every strategy.
+        Adam steps at each learning rate, each on so many transitions of every strategy.
     reach_balls
         Balls to each target of the grid, by which it is taken for in reach or not.
     near_least, about_least
@@ -90,15 +92,14 @@ class AimingConfig:
         Of the repetitions.
     """
 
-    rounds: int = 2
     rollouts: int = 1000
     home_share: float = 0.1
     margin_m: float = 0.1
     hidden: tuple[int, ...] = (64, 64)
-    cloning_steps: int = 3000
+    cloning_steps: int = 2000
     batch: int = 512
     reach_balls: int = 40
-    near_least: float = 0.85
+    near_least: float = 0.80
     about_least: float = 0.92
     seed: int = 0
     spread: str = "standard"
@@ -122,31 +123,44 @@ def aim(
     config
         Settings.
     tell
-        Takes a line after each round.
+        Takes a line before and after each part.
+
+    Raises
+    ------
+    UserError
+        If a strategy returns too few balls to learn from.
     """
     return _Aiming(policies, config or AimingConfig(), tell or (lambda _: None)).run()
 
 
 def play_at(
     policies: StrokePolicies, targets: Array, config: AimingConfig, rng: np.random.Generator
-) -> RallyResults:
+) -> tuple[RallyResults, NDArray[np.float32]]:
     """What becomes of new balls, played as when there is no training: mean actions, and a noisy camera.
 
     Parameters
     ----------
     targets
-        Where each is to land, (S, K, 2), m; K balls are played of each strategy.
+        Where each is to land, (S, K, 2), m; K balls are played of each strategy. Policies that take none do
+        not look at them.
+
+    Returns
+    -------
+    What became of the balls, and what was seen of them and of the arm, (S, K, T + 1, N + 6).
     """
     simulator = _make_simulator(policies, config, config.camera_noise_m)
     act = _batch_policy(import_policies(policies.policies), targets if policies.takes_target else None)
     seen = simulator.reset(len(policies.facts), targets.shape[1], rng)
+    observations = np.empty((*seen.shape[:2], simulator.horizon + 1, seen.shape[-1]), np.float32)
+    observations[:, :, 0] = seen
     rest = np.zeros((*seen.shape[:2], policies.robot.joint_count))
     for step in range(simulator.horizon):
         seen = simulator.step(act(seen) if step < ACTING_STEPS else rest)
-    return simulator.results()
+        observations[:, :, step + 1] = seen
+    return simulator.results(), observations
 
 
-def shares_near(results: RallyResults, targets: Array, distance_m: float) -> NDArray[np.bool_]:
+def land_near(results: RallyResults, targets: Array, distance_m: float) -> NDArray[np.bool_]:
     """Which balls were returned and landed so near to their targets (S, K, 2): (S, K)."""
     apart = np.linalg.norm(results.landing - targets, axis=-1)
     near: NDArray[np.bool_] = results.returned & (apart <= distance_m)
@@ -168,39 +182,40 @@ class _Aiming:
     def run(self) -> StrokePolicies:
         """All rounds, then the reach."""
         self._policies = replace(self._policies, facts=self._with_landing_points())
-        for number in range(1, self._config.rounds + 1):
-            landed, rollout, targets, right = self._gather()
-            self._policies = self._learn(landed, rollout, right)
-            apart = np.linalg.norm(landed.landing - targets, axis=-1)
-            self._tell(
-                f"round {number} of {self._config.rounds}: repeated rollouts landed within 10 cm of their targets: "
-                f"{np.mean(apart < 0.1):.0%}"
-            )
+        targets = self._draw_targets()
+        self._tell(f"repeating {targets.shape[1]} rollouts of each strategy until they land at targets")
+        rollouts = self._gather(targets)
+        apart = np.linalg.norm(rollouts.landed.landing - targets, axis=-1)
+        self._tell(f"{np.mean(apart < HIT_M):.0%} landed within {100 * HIT_M:g} cm of them; cloning them")
+        self._policies = self._learn(rollouts)
+        self._tell("trying all targets")
         return self._with_reach()
 
     def _with_landing_points(self) -> dict[StrategyLabel, StrokeFacts]:
         """Where balls land without a target: where the teacher's did, else where these policies' do."""
         facts = dict(self._policies.facts)
-        if all(np.isfinite(known.landing_point).all() for known in facts.values()):
-            return facts
-        nowhere = np.zeros((len(facts), self._config.rollouts, 2))
-        results = play_at(self._policies, nowhere, self._config, self._rng)
+        home = np.array([np.nan_to_num(known.landing_point) for known in facts.values()])
+        targets = np.repeat(home[:, None], self._config.rollouts, axis=1)
+        results, _ = play_at(self._policies, targets, self._config, self._rng)
         for row, (label, known) in enumerate(facts.items()):
+            back = results.returned[row]
+            if back.mean() < LEAST_RETURNED:
+                raise UserError(
+                    f"{label} returns {back.mean():.0%} of its balls; to learn targets from them it takes "
+                    f"{LEAST_RETURNED:.0%}: train it longer, or leave it out"
+                )
             if not np.isfinite(known.landing_point).all():
-                own = results.landing[row, results.returned[row]].mean(axis=0)
-                facts[label] = replace(known, landing_point=own)
+                facts[label] = replace(known, landing_point=results.landing[row, back].mean(axis=0))
         return facts
 
-    def _gather(self) -> tuple[Landed, Rollout, Array, NDArray[np.bool_]]:
-        """Repeated rollouts; also their targets, and which of them are worth cloning."""
-        policies, config = self._policies, self._config
-        targets = self._draw_targets()
+    def _gather(self, targets: Array) -> Corrected:
+        """Rollouts that land at `targets` (S, K, 2), or nearer to them than they did."""
+        policies, config = self._policies, self._config.correction
         act = _batch_policy(import_policies(policies.policies), targets if policies.takes_target else None)
-        rallies = RepeatedRallies(self._simulator, self._draw_feeds(), config.correction)
-        response = fit_response(rallies, act, config.correction, self._rng)
-        rallies = RepeatedRallies(self._simulator, self._draw_feeds(), config.correction)
-        corrected = correct(rallies, act, targets, response, config.correction, self._rng)
-        return corrected.landed, corrected.rollout, targets, corrected.landed.returned & corrected.keeps_spin
+        rallies = RepeatedRallies(self._simulator, self._draw_feeds(), config)
+        response = fit_response(rallies, act, config, self._rng)
+        rallies = RepeatedRallies(self._simulator, self._draw_feeds(), config)
+        return correct(rallies, act, targets, response, config, self._rng)
 
     def _draw_targets(self) -> Array:
         """Targets over the grid and a little beyond, (S, K, 2); some about the teacher's mean point."""
@@ -224,15 +239,17 @@ class _Aiming:
             ready.append(plan.ready_position + config.ready_noise_rad * offset)
         return Feeds(np.stack(balls), np.clip(ready, limits.lowest_rad, limits.highest_rad))
 
-    def _learn(self, landed: Landed, rollout: Rollout, right: NDArray[np.bool_]) -> StrokePolicies:
-        """Clone rollouts that are labelled with where they landed."""
+    def _learn(self, rollouts: Corrected) -> StrokePolicies:
+        """Clone rollouts with the right spin, labelled with where they landed."""
         policies, layout = self._policies, self._layout
+        landed, rollout = rollouts.landed, rollouts.rollout
+        right = landed.returned & rollouts.keeps_spin
         steps = rollout.observations.shape[2]
         labels = np.repeat(np.nan_to_num(landed.landing)[:, :, None], steps, axis=2)
         seen = np.concatenate([rollout.observations, labels.astype(np.float32)], axis=-1)
         lengths = np.where(right, ACTING_STEPS, 0)
         demonstrations = Demonstrations(seen, rollout.actions, layout, lengths)
-        network = import_policies(policies.policies) if policies.takes_target else self._fresh(seen[right])
+        network = self._fresh(seen[right])
         pool, names = DemonstrationPool(demonstrations), (layout.observation_names, layout.action_names)
         for learning_rate in LEARNING_RATES:
             clone(network, pool, *names, self._cloning(learning_rate), self._generator)
@@ -271,11 +288,11 @@ class _Aiming:
         empty = Reach.grid(GRID_X_M, GRID_Y_M)
         targets = np.repeat(empty.points, config.reach_balls, axis=0)
         targets = np.broadcast_to(targets, (len(policies.facts), *targets.shape))
-        results = play_at(policies, targets, config, np.random.default_rng((REACH_STREAM, config.seed)))
+        results, _ = play_at(policies, targets, config, np.random.default_rng((REACH_STREAM, config.seed)))
         shape = (len(policies.facts), *empty.hits.shape, config.reach_balls)
         hits = np.ones(shape[:-1], dtype=np.bool_)
         for distance_m, least in ((NEAR_M, config.near_least), (ABOUT_M, config.about_least)):
-            near = shares_near(results, targets, distance_m).reshape(shape).mean(axis=-1)
+            near = land_near(results, targets, distance_m).reshape(shape).mean(axis=-1)
             hits &= uniform_filter(near, size=(1, 3, 3), mode="nearest") >= least
         facts = {
             label: replace(known, reach=replace(empty, hits=hits[row]))
@@ -284,7 +301,9 @@ class _Aiming:
         return replace(policies, facts=facts)
 
 
-def _make_simulator(policies: StrokePolicies, config: AimingConfig, camera_noise_m: float) -> KinematicRallies:
+def _make_simulator(
+    policies: StrokePolicies, config: AimingConfig, camera_noise_m: float
+) -> KinematicRallies:
     plans = [RallyPlan(facts.side, facts.ready_pose) for facts in policies.facts.values()]
     variation = RallyVariation(SPREADS[config.spread], config.ready_noise_rad, camera_noise_m)
     return KinematicRallies(

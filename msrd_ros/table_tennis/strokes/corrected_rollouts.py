@@ -1,10 +1,10 @@
 """Rollouts that are played again, a little differently each time, until their balls land where they shall.
 
-Iterative learning control: the same feed comes again, and what the policy does is changed by smooth offsets of
-the actions. How the landing answers them is fitted to random offsets at first, and for each rollout corrected
-by what its own repetitions show (Broyden's rank-one update). Of all offsets that would do, the smallest are
-taken, and the spin is kept, so that the stroke stays what it was; and the ball is met with the middle of the
-blade, so that small errors do not make it miss.
+Iterative learning control: the same feed comes again, and what the policy does is changed by smooth offsets
+of the actions. How the landing answers them is fitted to random offsets at first, and for each rollout
+corrected by what its own repetitions show (Broyden's rank-one update). Of all offsets that would do, the
+smallest are taken, and the spin is kept, so that the stroke stays what it was; and the ball is met with the
+middle of the blade, so that small errors do not make it miss.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Feeds(NamedTuple):
 class Landed(NamedTuple):
     """What became of rollouts.
 
-    `returned` and `hit_step` are (S, K); `answer` (S, K, 5) has the landing point in m, and in the same measure
+    `returned` and `hit_step` are (S, K); `answer` (S, K, 5) has the landing point in m, and in its measure
     the spin about y and where on the blade the ball was met; NaN where nothing was returned.
     """
 
@@ -97,7 +97,7 @@ class Rollout(NamedTuple):
 
 
 class Corrected(NamedTuple):
-    """Repeated rollouts: the nearest that each came to its target, and whether its spin is about what it was."""
+    """The nearest that each repeated rollout came to its target; whose spin is as it was `keeps_spin`."""
 
     landed: Landed
     rollout: Rollout
@@ -166,8 +166,9 @@ class RepeatedRallies:
         blade = _places_on_blade(simulator.config.robot, path, np.where(results.returned, hit_step, np.nan))
         spin = _SPIN_M_S * results.spin[..., 1:2]
         answer = np.concatenate([results.landing, spin, _BLADE_WEIGHT * blade], axis=-1)
-        answer[~results.returned] = np.nan
-        return Landed(results.returned, answer, hit_step), Rollout(observations, actions)
+        returned = results.returned & np.isfinite(answer).all(axis=-1)
+        answer[~returned] = np.nan
+        return Landed(returned, answer, hit_step), Rollout(observations, actions)
 
 
 def fit_response(
@@ -228,8 +229,8 @@ def correct(
         is_nearer = np.linalg.norm(wanted - tried.answer, axis=-1) < length
         better = tried.returned & (is_nearer | ~landed.returned)
         weights = np.where(better[..., None], weights + change, weights)
-        landed = Landed(*(_choose(better, new, old) for new, old in zip(tried, landed, strict=True)))
-        rollout = Rollout(*(_choose(better, new, old) for new, old in zip(again, rollout, strict=True)))
+        for old, new in zip((*landed, *rollout), (*tried, *again), strict=True):
+            old[better] = new[better]
         caution = np.where(better, np.minimum(1.0, 1.5 * caution), 0.5 * caution)
     keeps_spin = np.abs(landed.answer[..., 2] - wanted[..., 2]) < _SPIN_M_S * MOST_SPIN_RAD_S
     return Corrected(landed, rollout, keeps_spin)
@@ -251,13 +252,7 @@ def _places_on_blade(robot: Robot, path: Sequence[tuple[Array, Array, Array]], h
         share = hit_step[row, column] - step
         position, rate, ball = (array[row, column] for array in path[step])
         gain = share * (path[step + 1][1][row, column] - rate)
-        centre, rotation = paddle_pose(
-            robot.model, position + share * CONTROL_PERIOD_S * (rate + 0.5 * gain)
-        )
+        centre, rotation = paddle_pose(robot.model, position + share * CONTROL_PERIOD_S * (rate + 0.5 * gain))
         met = ball[POSITION] + share * CONTROL_PERIOD_S * ball[VELOCITY] - centre
         places[row, column] = rotation[:, [0, 2]].T @ met
     return places
-
-
-def _choose(better: NDArray[np.bool_], new: NDArray[np.generic], old: NDArray[np.generic]) -> NDArray[np.generic]:
-    return np.where(better.reshape(*better.shape, *[1] * (new.ndim - 2)), new, old)

@@ -20,7 +20,7 @@ from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.strategies.table import Side, Strategies
-from msrd_ros.table_tennis.strokes.reach import TARGET_NAMES, Reach
+from msrd_ros.table_tennis.strokes.reach import TARGET_NAMES, Reach, say_point
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (N + 6,) to an action (N,)."""
@@ -28,9 +28,7 @@ MOST_NOISE_RAD = 0.2
 """Of the start posture while exploring; the trainer's parameter goes as far."""
 
 
-def stroke_layout(
-    robot: Robot, labels: Sequence[StrategyLabel] = (), takes_target: bool = False
-) -> Layout:
+def stroke_layout(robot: Robot, labels: Sequence[StrategyLabel] = (), takes_target: bool = False) -> Layout:
     """The layout of strokes of an arm: what every policy that the executor plays must have.
 
     Parameters
@@ -75,6 +73,21 @@ class StrokeFacts:
     landing_point: NDArray[np.float64]
     side: Side
     reach: Reach | None = None
+
+    def require_reach(self, target: NDArray[np.float64], whose: str) -> None:
+        """Refuse a target (2,), m, that the strategy cannot be told to hit.
+
+        Raises
+        ------
+        UserError
+            If its policy takes none, or it is out of reach; names the nearest that is in reach.
+        """
+        if self.reach is None:
+            raise UserError(
+                f"target {say_point(target)}: the policy of {whose} takes no target; learn targets for it: "
+                "`python -m msrd_ros aim`"
+            )
+        self.reach.require(target, whose)
 
 
 @dataclass(frozen=True)

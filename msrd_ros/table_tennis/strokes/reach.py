@@ -1,4 +1,4 @@
-"""Where a stroke can be told to land its ball: points that were tried, and the nearest of those that it hits."""
+"""Where a stroke can be told to land its ball, and the nearest place in reach to one that is not."""
 
 from __future__ import annotations
 
@@ -51,6 +51,11 @@ class Reach:
         """Those that are hit, (n, 2)."""
         targets: Array = self.points[self.hits.reshape(-1)]
         return targets
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """A point in reach, (2,), evenly drawn."""
+        target: Array = rng.choice(self.targets) + self._half_m * rng.uniform(-1.0, 1.0, 2)
+        return target
 
     def nearest(self, point: ArrayLike) -> Array | None:
         """The point in reach that is nearest to `point` (2,), in m: itself if it is in reach.
@@ -133,6 +138,6 @@ def require_on_table(point: ArrayLike, where: str) -> None:
 
 
 def say_point(point: ArrayLike) -> str:
-    """x and y in m, as text."""
+    """A point (2,) in m as text."""
     x, y = np.asarray(point, dtype=np.float64)
     return f"x {x:.3f}, y {y:.3f} m"
