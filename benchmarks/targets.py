@@ -70,7 +70,9 @@ class Balls(NamedTuple):
 
     def near(self, targets: Array, distance_m: float) -> NDArray[np.bool_]:
         """Which landed so near to their targets (S, K, 2)."""
-        return np.nan_to_num(np.linalg.norm(self.landing - targets, axis=-1), nan=np.inf) <= distance_m
+        apart = np.linalg.norm(self.landing - targets, axis=-1)
+        near: NDArray[np.bool_] = np.nan_to_num(apart, nan=np.inf) <= distance_m
+        return near
 
 
 def play_batched(policies: StrokePolicies, targets: Array, seed: int) -> Balls:
@@ -164,7 +166,7 @@ def main() -> int:
             raise UserError(
                 f"{options.policies}: takes no target; learn targets with `python -m msrd_ros aim`"
             )
-        inside = np.array([np.allclose(reach.nearest(point), point) for point in GRID])
+        inside = np.array([reach.holds(point) for point in GRID])
         judged = np.repeat(inside, options.balls)
         back = told.returned[row] & judged
         spin = np.mean([bool(strategies.spin_is_right(label, one)) for one in told.spin[row, back]])

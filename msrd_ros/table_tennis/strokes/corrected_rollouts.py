@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -229,7 +229,8 @@ def correct(
         is_nearer = np.linalg.norm(wanted - tried.answer, axis=-1) < length
         better = tried.returned & (is_nearer | ~landed.returned)
         weights = np.where(better[..., None], weights + change, weights)
-        for old, new in zip((*landed, *rollout), (*tried, *again), strict=True):
+        kept: list[tuple[NDArray[Any], NDArray[Any]]] = [*zip(landed, tried, strict=True)]
+        for old, new in (*kept, *zip(rollout, again, strict=True)):
             old[better] = new[better]
         caution = np.where(better, np.minimum(1.0, 1.5 * caution), 0.5 * caution)
     keeps_spin = np.abs(landed.answer[..., 2] - wanted[..., 2]) < _SPIN_M_S * MOST_SPIN_RAD_S

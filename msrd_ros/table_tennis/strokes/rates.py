@@ -114,7 +114,7 @@ class LabelRates:
             points,
             spins,
             reasons,
-            targets if np.ndim(landing_point) == 2 else None,
+            None if landing_point is None or landing_point.ndim == 1 else targets,
         )
 
     def to_json(self) -> dict[str, Any]:

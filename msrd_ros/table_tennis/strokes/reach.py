@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -69,6 +70,11 @@ class Reach:
         nearest: Array = places[np.hypot(*(places - wanted).T).argmin()]
         return nearest
 
+    def holds(self, point: ArrayLike) -> bool:
+        """Whether a point (2,), m, is in reach."""
+        nearest = self.nearest(point)
+        return nearest is not None and np.allclose(nearest, np.asarray(point, dtype=np.float64), atol=1e-9)
+
     def require(self, point: ArrayLike, whose: str) -> None:
         """Refuse a target that is not in reach.
 
@@ -77,12 +83,12 @@ class Reach:
         UserError
             If it is not; names the nearest that is.
         """
-        nearest, wanted = self.nearest(point), np.asarray(point, dtype=np.float64)
+        nearest = self.nearest(point)
         if nearest is None:
-            raise UserError(f"target {say_point(wanted)}: {whose} hits no target reliably; leave it out")
-        if not np.allclose(nearest, wanted, atol=1e-9):
+            raise UserError(f"target {say_point(point)}: {whose} hits no target reliably; leave it out")
+        if not self.holds(point):
             raise UserError(
-                f"target {say_point(wanted)} is out of reach of {whose}; the nearest that is in reach is "
+                f"target {say_point(point)} is out of reach of {whose}; the nearest that is in reach is "
                 f"{say_point(nearest)}"
             )
 
@@ -135,6 +141,15 @@ def require_on_table(point: ArrayLike, where: str) -> None:
             f"{where}: {say_point(wanted)} is not on the far half of the table; the nearest point that is on "
             f"it is {say_point(on_table)}"
         )
+
+
+_POINT = re.compile(r"x (-?[0-9.]+), y (-?[0-9.]+) m")
+
+
+def read_point(text: str) -> Array | None:
+    """Inverse of `say_point`, to the millimetre; None of another text."""
+    found = _POINT.fullmatch(text)
+    return None if found is None else np.array([float(found[1]), float(found[2])])
 
 
 def say_point(point: ArrayLike) -> str:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msrd_ros.core.errors import UserError
-from msrd_ros.table_tennis.strokes.reach import Reach, require_on_table, say_point
+from msrd_ros.table_tennis.strokes.reach import Reach, read_point, require_on_table, say_point
 
 HITS = np.array([[True, True, False], [False, True, False]])
 REACH = replace(Reach.grid([0.4, 0.8], [-0.3, 0.0, 0.3]), hits=HITS)
@@ -34,7 +34,11 @@ def test_each_target_stands_for_the_rectangle_around_it() -> None:
 def test_what_is_out_of_reach_is_refused_with_the_nearest_that_is_not(
     point: tuple[float, float], nearest: tuple[float, float]
 ) -> None:
-    np.testing.assert_allclose(REACH.nearest(point), nearest)
+    found = REACH.nearest(point)
+    assert found is not None
+    np.testing.assert_allclose(found, np.array(nearest))
+    assert REACH.holds(found)
+    assert not REACH.holds(point)
     said = f"target {say_point(point)} is out of reach of push; .* {say_point(nearest)}"
     with pytest.raises(UserError, match=said):
         REACH.require(point, "push")
@@ -54,6 +58,20 @@ def test_where_nothing_is_in_reach_there_is_no_nearest() -> None:
     assert empty.nearest((0.4, -0.3)) is None
     with pytest.raises(UserError, match="push hits no target reliably; leave it out"):
         empty.require((0.4, -0.3), "push")
+
+
+def test_a_drawn_point_is_in_reach() -> None:
+    rng = np.random.default_rng(0)
+    drawn = [REACH.draw(rng) for _ in range(50)]
+    assert all(map(REACH.holds, drawn))
+    assert np.ptp(drawn, axis=0).min() > 0.3
+
+
+def test_a_said_point_reads_back() -> None:
+    found = read_point(say_point((0.4, -0.25)))
+    assert found is not None
+    np.testing.assert_array_equal(found, [0.4, -0.25])
+    assert read_point("") is None
 
 
 def test_json_reads_back() -> None:
