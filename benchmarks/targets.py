@@ -33,10 +33,12 @@ from msrd_ros.learning.trajectories import Transitions
 from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
+from msrd_ros.table_tennis.simulation.batched import RallyVariation
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig
 from msrd_ros.table_tennis.strategies.table import Strategies
-from msrd_ros.table_tennis.strokes.aiming import ABOUT_M, NEAR_M, AimingConfig, play_at
+from msrd_ros.table_tennis.strokes.aiming import ABOUT_M, NEAR_M
+from msrd_ros.table_tennis.strokes.batched_play import play_batch
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
 from msrd_ros.table_tennis.strokes.rollouts import play_in_world
 
@@ -78,7 +80,7 @@ class Balls(NamedTuple):
 def play_batched(policies: StrokePolicies, targets: Array, seed: int) -> Balls:
     """Play in the batched simulator, targets (S, K, 2)."""
     rng = np.random.default_rng((EVALUATION_STREAM, seed))
-    results, seen = play_at(policies, targets, AimingConfig(threads=1, ready_noise_rad=READY_NOISE_RAD), rng)
+    results, seen = play_batch(policies, targets, RallyVariation(ready_std_rad=READY_NOISE_RAD), rng)
     landing = np.where(results.returned[..., None], results.landing, np.nan)
     return Balls(landing, results.spin[..., 1], seen)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -354,7 +354,7 @@ class Trainer(ManagedNode):
         self._run = TrainingThread(harness, self._learn_targets if config.targets else None)
         self._held.callback(self._run.close)
 
-    def _learn_targets(self) -> None:
+    def _learn_targets(self, look: Callable[[], None]) -> None:
         """Write and publish policies that take a target, in place of those that take none."""
         config = self.config
         settings = AimingConfig(
@@ -364,7 +364,7 @@ class Trainer(ManagedNode):
             camera_noise_m=config.camera_noise_m,
             threads=config.workers,
         )
-        aimed = aim(self._present_policies(), settings, self.get_logger().info)
+        aimed = aim(self._present_policies(), settings, self.get_logger().info, look)
         write_atomically(self._out / POLICIES_FILE, aimed.to_bytes())
         self._publish_policies(aimed)
 

@@ -132,9 +132,9 @@ def test_targets_come_from_latched_and_from_volatile_publishers_and_are_measured
 ) -> None:
     checkpoint = tmp_path / "policies.safetensors"
     checkpoint.write_bytes(POLICIES.to_bytes())
+    stack.start_simulator(seed=2)
     latched = stack.node.create_publisher(PointStamped, "target", LATCHED)
     latched.publish(target_to_message(np.array([0.4, -0.2]), STAMP))
-    stack.start_simulator(seed=2)
     stack.start("executor", checkpoint=checkpoint).wait_for_line("ready: lockstep")
 
     def aims_at(text: str) -> bool:

@@ -20,22 +20,16 @@ from scipy.ndimage import uniform_filter
 from msrd_ros.contract.episode import ACTING_STEPS, BALL_NAMES, CONTROL_PERIOD_S, action_names
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
-from msrd_ros.learning.checkpoints import export_policies, import_policies
+from msrd_ros.learning.checkpoints import export_policies
 from msrd_ros.learning.cloning import CloningConfig, clone
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import GaussianPolicies
 from msrd_ros.learning.replay import DemonstrationPool
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.table_tennis.ball.feeder import SPREADS
-from msrd_ros.table_tennis.simulation.batched import (
-    KinematicRallies,
-    KinematicRalliesConfig,
-    RallyPlan,
-    RallyResults,
-    RallyVariation,
-)
+from msrd_ros.table_tennis.simulation.batched import RallyVariation
+from msrd_ros.table_tennis.strokes.batched_play import batch_policy, land_near, make_simulator, play_batch
 from msrd_ros.table_tennis.strokes.corrected_rollouts import (
-    BatchPolicy,
     Corrected,
     CorrectionConfig,
     Feeds,
@@ -57,6 +51,8 @@ AIMING_STREAM, REACH_STREAM = 0xA1A, 0x7EAC4
 RECOVERY_RAD, RECOVERY_GAIN = 0.03, 3.0
 """Joint offsets while cloning, and the speed fractions a radian that undo them. With 6, as `presets` have it,
 landings come less near in as many steps."""
+LOOK_EVERY = 100
+"""Steps of cloning between two calls of `look`."""
 LEAST_RETURNED = 0.5
 """Of the balls of each strategy, for its rollouts to show how landings follow what is done."""
 HIT_M = 0.10
@@ -108,9 +104,17 @@ class AimingConfig:
     threads: int = 2
     correction: CorrectionConfig = field(default_factory=CorrectionConfig)
 
+    @property
+    def variation(self) -> RallyVariation:
+        """How balls, start postures and what is seen of them vary."""
+        return RallyVariation(SPREADS[self.spread], self.ready_noise_rad, self.camera_noise_m)
+
 
 def aim(
-    policies: StrokePolicies, config: AimingConfig | None = None, tell: Callable[[str], None] | None = None
+    policies: StrokePolicies,
+    config: AimingConfig | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+    look: Callable[[], None] = lambda: None,
 ) -> StrokePolicies:
     """Policies that do what these do, and land where they are told.
 
@@ -124,59 +128,34 @@ def aim(
         Settings.
     tell
         Takes a line before and after each part.
+    look
+        Called every few seconds; what it raises ends the work.
 
     Raises
     ------
     UserError
         If a strategy returns too few balls to learn from.
     """
-    return _Aiming(policies, config or AimingConfig(), tell or (lambda _: None)).run()
-
-
-def play_at(
-    policies: StrokePolicies, targets: Array, config: AimingConfig, rng: np.random.Generator
-) -> tuple[RallyResults, NDArray[np.float32]]:
-    """What becomes of new balls, played as when there is no training: mean actions, and a noisy camera.
-
-    Parameters
-    ----------
-    targets
-        Where each is to land, (S, K, 2), m; K balls are played of each strategy. Policies that take none do
-        not look at them.
-
-    Returns
-    -------
-    What became of the balls, and what was seen of them and of the arm, (S, K, T + 1, N + 6).
-    """
-    simulator = _make_simulator(policies, config, config.camera_noise_m)
-    act = _batch_policy(import_policies(policies.policies), targets if policies.takes_target else None)
-    seen = simulator.reset(len(policies.facts), targets.shape[1], rng)
-    observations = np.empty((*seen.shape[:2], simulator.horizon + 1, seen.shape[-1]), np.float32)
-    observations[:, :, 0] = seen
-    rest = np.zeros((*seen.shape[:2], policies.robot.joint_count))
-    for step in range(simulator.horizon):
-        seen = simulator.step(act(seen) if step < ACTING_STEPS else rest)
-        observations[:, :, step + 1] = seen
-    return simulator.results(), observations
-
-
-def land_near(results: RallyResults, targets: Array, distance_m: float) -> NDArray[np.bool_]:
-    """Which balls were returned and landed so near to their targets (S, K, 2): (S, K)."""
-    apart = np.linalg.norm(results.landing - targets, axis=-1)
-    near: NDArray[np.bool_] = results.returned & (apart <= distance_m)
-    return near
+    return _Aiming(policies, config or AimingConfig(), tell, look).run()
 
 
 class _Aiming:
     """One run of learning targets."""
 
-    def __init__(self, policies: StrokePolicies, config: AimingConfig, tell: Callable[[str], None]) -> None:
-        self._config, self._tell = config, tell
+    def __init__(
+        self,
+        policies: StrokePolicies,
+        config: AimingConfig,
+        tell: Callable[[str], None],
+        look: Callable[[], None],
+    ) -> None:
+        self._config, self._tell, self._look = config, tell, look
         self._rng = np.random.default_rng((AIMING_STREAM, config.seed))
         self._generator = torch.Generator().manual_seed(config.seed)
         self._policies = policies
         # Repetitions see exactly: what is done again is to end as it did, but for the offsets.
-        self._simulator = _make_simulator(policies, config, 0.0)
+        exact = replace(config.variation, camera_noise_m=0.0)
+        self._simulator = make_simulator(policies, exact, config.threads)
         self._layout = stroke_layout(policies.robot, policies.labels, takes_target=True)
 
     def run(self) -> StrokePolicies:
@@ -196,7 +175,9 @@ class _Aiming:
         facts = dict(self._policies.facts)
         home = np.array([np.nan_to_num(known.landing_point) for known in facts.values()])
         targets = np.repeat(home[:, None], self._config.rollouts, axis=1)
-        results, _ = play_at(self._policies, targets, self._config, self._rng)
+        results, _ = play_batch(
+            self._policies, targets, self._config.variation, self._rng, self._config.threads
+        )
         for row, (label, known) in enumerate(facts.items()):
             back = results.returned[row]
             if back.mean() < LEAST_RETURNED:
@@ -211,11 +192,11 @@ class _Aiming:
     def _gather(self, targets: Array) -> Corrected:
         """Rollouts that land at `targets` (S, K, 2), or nearer to them than they did."""
         policies, config = self._policies, self._config.correction
-        act = _batch_policy(import_policies(policies.policies), targets if policies.takes_target else None)
+        act = batch_policy(policies, targets)
         rallies = RepeatedRallies(self._simulator, self._draw_feeds(), config)
         response = fit_response(rallies, act, config, self._rng)
         rallies = RepeatedRallies(self._simulator, self._draw_feeds(), config)
-        return correct(rallies, act, targets, response, config, self._rng)
+        return correct(rallies, act, targets, response, config, self._rng, self._look)
 
     def _draw_targets(self) -> Array:
         """Targets over the grid and a little beyond, (S, K, 2); some about the teacher's mean point."""
@@ -252,7 +233,7 @@ class _Aiming:
         network = self._fresh(seen[right])
         pool, names = DemonstrationPool(demonstrations), (layout.observation_names, layout.action_names)
         for learning_rate in LEARNING_RATES:
-            clone(network, pool, *names, self._cloning(learning_rate), self._generator)
+            clone(network, pool, *names, self._cloning(learning_rate), self._generator, self._look)
         exported = export_policies(network, layout, policies.policies.details)
         # Cloning leaves it as it is: how far these policies explore.
         exported.tensors["log_std"] = policies.policies.tensors["log_std"]
@@ -278,6 +259,7 @@ class _Aiming:
             steps=self._config.cloning_steps,
             batch=self._config.batch,
             learning_rate=learning_rate,
+            snapshots=tuple(range(0, self._config.cloning_steps, LOOK_EVERY)),
             state_noise=(*((name, RECOVERY_RAD) for name in robot.joint_names), *ball),
             recovery_labels=tuple((joint, action, RECOVERY_GAIN) for joint, action in joints),
         )
@@ -288,7 +270,8 @@ class _Aiming:
         empty = Reach.grid(GRID_X_M, GRID_Y_M)
         targets = np.repeat(empty.points, config.reach_balls, axis=0)
         targets = np.broadcast_to(targets, (len(policies.facts), *targets.shape))
-        results, _ = play_at(policies, targets, config, np.random.default_rng((REACH_STREAM, config.seed)))
+        rng = np.random.default_rng((REACH_STREAM, config.seed))
+        results, _ = play_batch(policies, targets, config.variation, rng, config.threads)
         shape = (len(policies.facts), *empty.hits.shape, config.reach_balls)
         hits = np.ones(shape[:-1], dtype=np.bool_)
         for distance_m, least in ((NEAR_M, config.near_least), (ABOUT_M, config.about_least)):
@@ -299,24 +282,3 @@ class _Aiming:
             for row, (label, known) in enumerate(policies.facts.items())
         }
         return replace(policies, facts=facts)
-
-
-def _make_simulator(
-    policies: StrokePolicies, config: AimingConfig, camera_noise_m: float
-) -> KinematicRallies:
-    plans = [RallyPlan(facts.side, facts.ready_pose) for facts in policies.facts.values()]
-    variation = RallyVariation(SPREADS[config.spread], config.ready_noise_rad, camera_noise_m)
-    return KinematicRallies(
-        plans, KinematicRalliesConfig(variation=variation, threads=config.threads, robot=policies.robot)
-    )
-
-
-def _batch_policy(network: GaussianPolicies, targets: Array | None) -> BatchPolicy:
-    """Mean actions of all strategies, with each rally's target (S, K, 2) among what they see."""
-
-    def act(observations: Array) -> NDArray[np.float32]:
-        if targets is None:
-            return network.act(observations)
-        return network.act(np.concatenate([observations, targets], axis=-1))
-
-    return act

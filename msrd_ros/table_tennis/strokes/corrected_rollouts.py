@@ -21,11 +21,10 @@ from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.flight import POSITION, VELOCITY
 from msrd_ros.table_tennis.simulation.batched import KinematicRallies
+from msrd_ros.table_tennis.strokes.batched_play import BatchPolicy
 
 Array = NDArray[np.float64]
 
-BatchPolicy = Callable[[Array], NDArray[np.floating]]
-"""From observations (S, K, N + 6) to actions (S, K, N)."""
 _SPIN_M_S = 0.002
 """What a rad/s of spin about y counts as in metres of landing: 50 rad/s off are as bad as 10 cm."""
 MOST_SPIN_RAD_S = 30.0
@@ -196,6 +195,7 @@ def correct(
     response: Array,
     config: CorrectionConfig,
     rng: np.random.Generator,
+    look: Callable[[], None] = lambda: None,
 ) -> Corrected:
     """Play rallies again until their balls land at their `targets` (S, K, 2) with the spin that they had.
 
@@ -203,6 +203,8 @@ def correct(
     ----------
     response
         As from `fit_response`.
+    look
+        Called before each repetition; what it raises ends the work.
     """
     landed, rollout = rallies.play(policy)
     rallies.place_bumps(landed.hit_step)
@@ -213,6 +215,7 @@ def correct(
     own = np.repeat(response[:, None], weights.shape[1], axis=1)
     caution = np.ones(landed.returned.shape)
     for _ in range(config.repetitions):
+        look()
         # Where a ball has not come back there is nothing to go by but to try something else.
         lost = 0.05 * rng.standard_normal(wanted.shape)
         step = np.where(landed.returned[..., None], wanted - landed.answer, lost)

@@ -13,7 +13,8 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import share_directory
 from msrd_ros.table_tennis.strategies.table import Strategies
-from msrd_ros.table_tennis.strokes.aiming import AimingConfig, aim, land_near, play_at
+from msrd_ros.table_tennis.strokes.aiming import AimingConfig, aim
+from msrd_ros.table_tennis.strokes.batched_play import land_near, play_batch
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 pytestmark = pytest.mark.slow
@@ -40,15 +41,15 @@ def aimed() -> StrokePolicies:
 
 
 def test_balls_land_at_targets() -> None:
-    results, seen = play_at(aimed(), TARGETS, CONFIG, np.random.default_rng(1))
+    results, seen = play_batch(aimed(), TARGETS, CONFIG.variation, np.random.default_rng(1))
     assert seen.shape[:2] == (2, 90)
     assert (land_near(results, TARGETS, 0.2).mean(axis=1) > 0.8).all()
-    untold, _ = play_at(two_strokes(), TARGETS, CONFIG, np.random.default_rng(1))
+    untold, _ = play_batch(two_strokes(), TARGETS, CONFIG.variation, np.random.default_rng(1))
     assert land_near(untold, TARGETS, 0.2).mean() < 0.4
 
 
 def test_strokes_stay_what_they_were() -> None:
-    results, _ = play_at(aimed(), TARGETS, CONFIG, np.random.default_rng(2))
+    results, _ = play_batch(aimed(), TARGETS, CONFIG.variation, np.random.default_rng(2))
     for row, label in enumerate(LABELS):
         spins = results.spin[row, results.returned[row], 1]
         right = [bool(Strategies.shipped().spin_is_right(label, spin)) for spin in spins]
