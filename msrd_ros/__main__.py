@@ -42,6 +42,7 @@ EXECUTABLES: dict[str, Command] = {
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
     "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
+    "aim": Command("msrd_ros.table_tennis.strokes.aim", "teach policies to land where they are told"),
     "explain": Command("msrd_ros.explain.command", "what learned rewards say of a recorded stroke"),
     "doctor": Command("msrd_ros.stack.doctor", "look at the running stack: what keeps it from its work"),
 }
@@ -55,6 +56,7 @@ EXTRAS = {
     "stack": "ros,sim",
     "up": "ros,sim",
     "explain": "sim",
+    "table_tennis": "sim",
     "studies": "studies",
 }
 """Extras of the installation that commands need, by the room that a command lives in."""

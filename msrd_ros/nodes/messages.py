@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Transform, Twist, Vector3
+from geometry_msgs.msg import PointStamped, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from std_msgs.msg import Header, MultiArrayDimension, UInt8MultiArray
@@ -28,7 +28,9 @@ from msrd_ros.robots.command_gate import Waypoint, command_points
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feed
+from msrd_ros.table_tennis.ball.scene import Table
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
+from msrd_ros.table_tennis.strokes.reach import require_on_table
 
 WORLD = "world"
 PADDLE = "paddle"
@@ -65,6 +67,38 @@ def feed_from_message(message: Odometry) -> Feed:
     if not np.isfinite(state).all():
         raise UserError(f"topic feed: {state.tolist()} is not finite; give position, velocity and spin in SI")
     return Feed.from_state(state)
+
+
+def target_to_message(target: NDArray[np.float64] | None, stamp: Any) -> PointStamped:
+    """Where a ball is to land, (2,), m, on the table; None takes a target back."""
+    message = PointStamped()
+    message.header.stamp = stamp
+    if target is not None:
+        message.header.frame_id = WORLD
+        message.point.x, message.point.y = map(float, target)
+        message.point.z = Table().height_m
+    return message
+
+
+def target_from_message(message: PointStamped) -> NDArray[np.float64] | None:
+    """Read where a ball is to land: (2,), m; None takes a target back. How high the point is does not count.
+
+    Raises
+    ------
+    UserError
+        If it is in another frame, not finite, or not on the far half of the table.
+    """
+    where, frame = "topic target", message.header.frame_id
+    if not frame:
+        return None
+    if frame != WORLD:
+        raise UserError(
+            f"{where}: frame {frame!r} is unknown; give the point in frame {WORLD!r}, or no frame to take a "
+            "target back"
+        )
+    target = np.array([message.point.x, message.point.y])
+    require_on_table(target, where)
+    return target
 
 
 class Command(NamedTuple):

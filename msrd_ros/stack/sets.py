@@ -222,6 +222,7 @@ def _demo(values: Values) -> tuple[Stage, ...]:
         "idle_start_s": 15.0,
         "out": str(training),
         "seed": seed,
+        "targets": True,
     }
     player: dict[str, Value] = {"bags": [bags], "rate": 0.0, "max_messages_per_s": 1500.0}
     kept: dict[str, Value] = {**robot, "directory": str(out / "played"), "subject": "robot", "keep": "all"}
@@ -238,7 +239,7 @@ def _demo(values: Values) -> tuple[Stage, ...]:
                 NodeCall("player", player, Part.FINISHES),
             ),
         ),
-        replace(play, nodes=(simulator.having(seed=seed + 1), executor, evaluator)),
+        replace(play, nodes=(simulator.having(seed=seed + 1), executor, evaluator.having(targets=True))),
         Stage(
             "film",
             "Film one stroke of each",

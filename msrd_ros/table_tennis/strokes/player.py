@@ -106,6 +106,10 @@ class StrokePlayer:
         self._ready_pose = np.clip(ready_pose, self._robot.limits.lowest_rad, self._robot.limits.highest_rad)
         self._set_out()
 
+    def take(self, policy: PolicyFunction) -> None:
+        """Play another policy from the same ready pose; only between strokes. No ball is missed for it."""
+        self._policy = policy
+
     def begin_at(self, joint_position: NDArray[np.float64]) -> None:
         """Start anew from where the arm rests, shape (N,), rad, after a time in which nobody commanded it."""
         self._measured = self._within_limits(joint_position)
