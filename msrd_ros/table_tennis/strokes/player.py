@@ -50,6 +50,9 @@ class StrokePlayer:
         Where the joints are now, shape (N,), rad.
     tracking_tolerance_rad
         A joint further than this from its command has strayed.
+    in_rally
+        Balls come back and again: a stroke is over as soon as its ball goes away, and a ball that set out
+        before the arm was ready is played as well.
     """
 
     def __init__(
@@ -57,6 +60,7 @@ class StrokePlayer:
         robot: Robot,
         joint_position: NDArray[np.float64],
         tracking_tolerance_rad: float = TRACKING_TOLERANCE_RAD,
+        in_rally: bool = False,
     ) -> None:
         self._robot = robot
         self._rest = np.zeros(robot.joint_count)
@@ -65,6 +69,8 @@ class StrokePlayer:
         self.phase = Phase.READYING
         self.strokes_begun = 0
         self._tracking_tolerance_rad = tracking_tolerance_rad
+        self._in_rally = in_rally
+        self._awaits_ball = False
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = self._measured.copy()
         self._began_at: tuple[NDArray[np.float64], ...] = ()
@@ -157,10 +163,14 @@ class StrokePlayer:
         was_fed = self._ball.fed
         if ball_position is not None:
             self._ball.add(ball_position, ball_stamp_ns)
-        if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
+        self._awaits_ball = self._ball.fed and (not was_fed or (self._in_rally and self._awaits_ball))
+        if self.phase is Phase.READY and self._awaits_ball and self._policy is not None:
             self.phase, self._step = Phase.STROKE, 0
+            self._awaits_ball = False
             self.strokes_begun += 1
             self._began_at = (self._ready_pose,)
+        elif self.phase is Phase.STROKE and self._in_rally and not self._ball.fed:
+            self._set_out()
         if self.phase is Phase.STROKE:
             assert self._policy is not None
             action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
