@@ -1,4 +1,4 @@
-"""Match node: two arms at one table in Bullet, in lockstep, each with its topics in a namespace of its own."""
+"""Match node: two arms at one table in Bullet, in lockstep, the topics of each in a namespace."""
 
 from __future__ import annotations
 
@@ -142,13 +142,14 @@ class Match(StackNode):
         """Which arms are not commanded, and who names no strategy."""
         now_s = time.monotonic()
         missing = [
-            f"a joint_command of the {end} arm: start an executor in namespace {end}; time stands still until "
-            "then"
+            f"a joint_command of the {end} arm: start an executor in namespace {end}; time stands still "
+            "until then"
             for end in End
             if now_s - self._heard_s[end] > SILENCE_S
         ]
         missing += [
-            f"a strategy of the {end} arm: start a chooser in namespace {end}, or publish one on {end}/strategy"
+            f"a strategy of the {end} arm: start a chooser in namespace {end}, or publish one on "
+            f"{end}/strategy"
             for end in End
             if self._world.strategies[end] is None
         ]

@@ -77,8 +77,9 @@ def write_report(out: Path, played: Sequence[PlayedRally], metrics: dict[str, An
     hits = metrics["hits"]
     report = Report(
         "Two arms, one ball",
-        f"{metrics['rallies']} rallies of two arms {robot.name} that play learned strategies at one table, each "
-        "seeing the ball by a camera alone. A hit is a stroke that brought the ball back onto the other half.",
+        f"{metrics['rallies']} rallies of two arms {robot.name} that play learned strategies at one table, "
+        "each seeing the ball by a camera alone. A hit is a stroke that brought the ball back onto the other "
+        "half.",
     )
     report.numbers(
         [

@@ -20,9 +20,9 @@ from msrd_ros.contract.outcome import MissReason, Outcome
 from msrd_ros.core.errors import UserError
 from msrd_ros.table_tennis.ball.ends import End, between, turned
 from msrd_ros.table_tennis.ball.feeder import Feed
-from msrd_ros.table_tennis.ball.referee import IN_PLAY, RETURNED, new_referees, outcome_of
+from msrd_ros.table_tennis.ball.referee import IN_PLAY, RETURNED, new_referees, outcome_of, struck_ball
 from msrd_ros.table_tennis.ball.step import step_ball
-from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE, PADDLE_SIZE
+from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE
 from msrd_ros.table_tennis.simulation.bullet_scene import BulletScene, connect_bullet
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.robot import STEP_S, SimulatedRobot
@@ -102,11 +102,10 @@ class TwoArms:
         self._turn = End.NEAR
         self._state: Array = between(End.NEAR, np.array([1.5, 0.0, 1.06, 0, 0, 0, 0, 0, 0.0]))
         self._incoming = self._state
-        self._set_out_s = self._struck_s = 0.0
+        self._set_out_s = 0.0
         self._steps = 0
         self._shots: list[Shot] = []
         self.finished: deque[Shot] = deque(maxlen=_MOST_FINISHED)
-        self._struck = self._state
         self._paddles = {end: np.tile(np.asarray(NO_PADDLE), (2, 1)) for end in End}
         self.in_play = False
         self.launched = 0
@@ -206,8 +205,6 @@ class TwoArms:
         referee, since_s = self._referee, self.time - self._set_out_s
         hits = int(referee["hits"][0])
         step_ball(self._state, referee, paddle[0], paddle[1], since_s, STEP_S, self._scene)
-        if not hits and referee["hits"][0]:
-            self._struck, self._struck_s = self._state.copy(), self.time + STEP_S
         verdict = int(referee["verdict"][0])
         if verdict == IN_PLAY:
             if since_s > self._longest_s:
@@ -237,13 +234,13 @@ class TwoArms:
             return
         self._turn = self._turn.other
         self._state = turned(self._state)
-        self._set_out_s = self._struck_s
-        self._await(turned(self._struck), 1)
+        self._set_out_s += float(self._referee["hit_time"][0])
+        self._await(turned(struck_ball(self._referee)[0]), 1)
 
     def _volley(self) -> None:
         """The other arm has touched the ball before it landed: its fault."""
         outcome = Outcome(self.launched - 1, True, MissReason.VOLLEY)
-        self._note(Shot(self._turn.other, turned(self._struck), outcome))
+        self._note(Shot(self._turn.other, turned(struck_ball(self._referee)[0]), outcome))
         self._end()
 
     def _end(self) -> None:
@@ -263,8 +260,8 @@ def require_apart(config: RallyConfig) -> float:
     apart_m = -2.0 * (float(robot.shoulder[0]) + robot.reach_m)
     if apart_m <= 0.0:
         raise UserError(
-            f"{robot.name}: two of them at one table could reach each other (by {-apart_m:.2f} m); move `base` "
-            "in robot.yaml away from the table"
+            f"{robot.name}: two of them at one table could reach each other (by {-apart_m:.2f} m); move "
+            "`base` in robot.yaml away from the table"
         )
     return apart_m
 

@@ -21,6 +21,7 @@ from msrd_ros.table_tennis.ball.ends import turned
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
 from msrd_ros.table_tennis.strategies.table import Side
+from msrd_ros.table_tennis.strokes.player import RALLY_TRAVEL_SHARE
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts
 
 Array = NDArray[np.float64]
@@ -35,8 +36,6 @@ RETURN_S = 0.9
 """From the other arm's hit to ours, at least."""
 _PERIOD_S = 0.01
 _ROWS = 200
-_TRAVEL_SHARE = 0.5
-"""Of the speed limits, on the way from one ready pose to another."""
 _TRAVEL_RAMP_S = 0.25
 """What starting and braking takes on that way."""
 _RESTING_NS = 200_000_000
@@ -141,5 +140,5 @@ class StrategyChooser:
         return min(in_time, key=lambda label: travels[label], default=self.chosen)
 
     def _travel_s(self, joint_position: Array, goal: Array) -> float:
-        speed = _TRAVEL_SHARE * self._robot.limits.speed_rad_s
+        speed = RALLY_TRAVEL_SHARE * self._robot.limits.speed_rad_s
         return float((np.abs(goal - joint_position) / speed).max()) + _TRAVEL_RAMP_S

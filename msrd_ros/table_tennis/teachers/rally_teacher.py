@@ -1,8 +1,7 @@
 """A teacher for rallies: plans a stroke to whatever ball comes, back to where the partner waits for it.
 
 Like the other synthetic teachers it plans by `solve_hit` from its practised stroke; unlike them it is told
-the ball's true state when it sets out, and its strokes are played by the batched simulator's exact arm. It
-makes demonstrations and never plays in a rally itself.
+the ball's true state when it sets out. It shows policies what to do and never plays in a rally itself.
 """
 
 from __future__ import annotations
@@ -12,26 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, FIRST_ACTING_STEP, HORIZON, Episode
-from msrd_ros.contract.labels import StrategyLabel
-from msrd_ros.contract.outcome import Outcome
 from msrd_ros.robots.quintic import JointStroke, stroke_from_rest
 from msrd_ros.robots.robot import Robot
-from msrd_ros.table_tennis.ball.referee import miss_reason
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.ball.trajectory import ball_path
-from msrd_ros.table_tennis.simulation.batched import (
-    KinematicRallies,
-    KinematicRalliesConfig,
-    RallyPlan,
-    RallyVariation,
-)
 from msrd_ros.table_tennis.strategies.paper import PaperLabel
 from msrd_ros.table_tennis.teachers.hit_solver import (
     TIME,
     HitWish,
     angles_of,
-    carry_out,
     hit_of,
     rates_of,
     solve_hit,
@@ -67,7 +55,7 @@ class RallyTeacherConfig:
     """
 
     landing_m: tuple[float, float] = (0.75, 0.17)
-    highest_apex_m: float = 1.60
+    highest_apex_m: float = 1.25
     hits_x_m: tuple[float, ...] = (-1.57, -1.45, -1.69, -1.33)
     hit_time_slack_s: float = 0.05
     familiar: float = 0.5
@@ -103,7 +91,13 @@ class RallyTeacher:
         """Where the arm waits, shape (N,), rad."""
         return self._practised.start.position
 
-    def plan(self, incoming: Array) -> tuple[JointStroke, Array, float]:
+    @property
+    def landing_m(self) -> Array:
+        """Where it wants its balls to bounce, shape (2,), m."""
+        depth_m, across_m = self.config.landing_m
+        return np.array([depth_m, face_sign(self.label.side) * across_m])
+
+    def plan(self, incoming: Array) -> tuple[JointStroke, float]:
         """A stroke to one ball.
 
         Parameters
@@ -115,8 +109,6 @@ class RallyTeacher:
         -------
         stroke
             Times count from there.
-        outgoing
-            The ball right after the hit, shape (9,).
         cost
             Of the hit: half the sum of its squared residuals; well above `SOUND_COST`, no stroke does it.
         """
@@ -124,14 +116,14 @@ class RallyTeacher:
         best = None
         for hit_x_m in self.config.hits_x_m:
             found = self._meet(path, _time_at(path, hit_x_m))
-            if best is None or found[2] < best[2]:
+            if best is None or found[1] < best[1]:
                 best = found
-            if best[2] < SOUND_COST:
+            if best[1] < SOUND_COST:
                 break
         assert best is not None
         return best
 
-    def _meet(self, path: Array, time_s: float) -> tuple[JointStroke, Array, float]:
+    def _meet(self, path: Array, time_s: float) -> tuple[JointStroke, float]:
         """A stroke that meets a ball on its path (T, 9) at about a moment; as `plan`."""
         config, robot = self.config, self.robot
         start = self._hit.copy()
@@ -140,8 +132,8 @@ class RallyTeacher:
         wish = HitWish(
             face=face,
             spin_y=PlannerConfig().spin(self.label.stroke),
-            landing_x=config.landing_m[0],
-            landing_y=face * config.landing_m[1],
+            landing_x=float(self.landing_m[0]),
+            landing_y=float(self.landing_m[1]),
             time=time_s,
             time_slack=config.hit_time_slack_s,
             highest_rate=0.85,
@@ -162,73 +154,7 @@ class RallyTeacher:
             swing_s=config.swing_s,
             follow_s=config.follow_s,
         )
-        done = carry_out(robot.model, hit, face, path, PATH_PERIOD_S, self._scene)
-        return stroke, done.ball_out, cost
-
-
-def demonstrate(
-    teacher: RallyTeacher, incoming: Array, label: StrategyLabel, rng: np.random.Generator
-) -> tuple[list[Episode], Array]:
-    """What the teacher shows against K balls, played in the batched simulator.
-
-    Parameters
-    ----------
-    teacher
-        Of the strokes.
-    incoming
-        Balls when they set out, shape (K, 9), in the arm's frame.
-    label
-        Of the episodes.
-    rng
-        Of the camera's noise.
-
-    Returns
-    -------
-    episodes
-        Of all balls, in their order, with outcomes.
-    outgoing
-        The balls right after the planned hits, shape (K, 9), in the arm's frame.
-    """
-    plans = [teacher.plan(ball) for ball in incoming]
-    robot = teacher.robot
-    ends_s = (FIRST_ACTING_STEP + 1.0 + np.arange(float(ACTING_STEPS))) * CONTROL_PERIOD_S
-    rates = np.stack([stroke.sample(ends_s).velocity for stroke, _, _ in plans])
-    actions = (rates / robot.limits.speed_rad_s)[None]
-    config = KinematicRalliesConfig(variation=RallyVariation(ready_std_rad=0.0), threads=1, robot=robot)
-    batched = KinematicRallies([RallyPlan(teacher.label.side, teacher.ready_pose)], config)
-    count, joints = len(incoming), robot.joint_count
-    ready = np.broadcast_to(teacher.ready_pose, (1, count, joints))
-    seen = [batched.start(incoming[None], ready, rng)[0]]
-    position, velocity = [ready[0], batched.joint_position[0]], [np.zeros((count, joints))] * 2
-    for step in range(HORIZON - FIRST_ACTING_STEP):
-        action = actions[:, :, step] if step < ACTING_STEPS else np.zeros((1, count, joints))
-        seen.append(batched.step(action)[0])
-        position.append(batched.joint_position[0])
-        velocity.append(batched.joint_velocity[0])
-    results = batched.results()
-    first = np.concatenate([incoming[:, :3], np.zeros((count, 3))], axis=1)
-    balls = np.stack([first, *(row[:, joints:] for row in seen)], axis=1)
-    positions, velocities = np.stack(position, axis=1), np.stack(velocity, axis=1)
-    episodes = [
-        Episode(
-            label,
-            positions[index],
-            velocities[index],
-            balls[index, :, :3],
-            balls[index, :, 3:],
-            source="rally teacher",
-            robot=robot,
-            outcome=Outcome(
-                index,
-                bool(results.struck[0, index]),
-                miss_reason(int(results.verdict[0, index])),
-                landing_x_m=float(results.landing[0, index, 0]),
-                landing_y_m=float(results.landing[0, index, 1]),
-            ),
-        )
-        for index in range(count)
-    ]
-    return episodes, np.stack([outgoing for _, outgoing, _ in plans])
+        return stroke, float(cost)
 
 
 def _time_at(path: Array, x_m: float) -> float:
