@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 from std_msgs.msg import Header
 
-from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import LATCHED, StackNode, robot_parameter, run
 from msrd_ros.nodes.messages import strategy_message
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.strokes.chooser import StrategyChooser
-from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strokes.policies import StrokePolicies, rally_policies
 
 CHOOSER_STREAM = 0xC400
 
@@ -24,7 +23,10 @@ CHOOSER_STREAM = 0xC400
 class ChooserConfig:
     """Parameters of the chooser."""
 
-    checkpoint: str = parameter("", "Policies whose strategies it names: the file that the executor plays")
+    checkpoint: str = parameter(
+        "",
+        "Policies whose strategies it names, as the executor plays them; empty: those that come with the arm",
+    )
     robot: str = robot_parameter()
     seed: int = parameter(0, "Seed of the strategy with which the arm waits for the first ball", low=0)
 
@@ -36,10 +38,8 @@ class Chooser(StackNode):
 
     def __init__(self) -> None:
         super().__init__("chooser", ChooserConfig)
-        if not self.config.checkpoint:
-            raise UserError("parameter checkpoint: is empty; give the policies that the executor plays")
-        robot = load_robot(self.config.robot)
-        policies = StrokePolicies.load(Path(self.config.checkpoint).expanduser(), robot)
+        robot, given = load_robot(self.config.robot), self.config.checkpoint
+        policies = StrokePolicies.load(Path(given), robot) if given else rally_policies(robot)
         rng = np.random.default_rng((CHOOSER_STREAM, self.config.seed))
         self._chooser = StrategyChooser(robot, policies.facts, rng)
         self._changes = 0

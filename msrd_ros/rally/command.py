@@ -8,16 +8,12 @@ from pathlib import Path
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.formats import write_report as write_metrics
-from msrd_ros.core.resources import share_directory
 from msrd_ros.rally.play import play_rallies
 from msrd_ros.rally.report import figures, summary, write_report
 from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import SPREADS
-from msrd_ros.table_tennis.strokes.policies import StrokePolicies
-
-RALLY_POLICIES = "rally.safetensors"
-"""Beside ``robot.yaml``: policies that learned from balls of rallies."""
+from msrd_ros.table_tennis.strokes.policies import StrokePolicies, rally_policies
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"rally: --rallies {options.rallies}, --seed {options.seed}: give 1 or more, and 0 or more"
         )
     robot = load_robot(options.robot)
-    policies = StrokePolicies.load(Path(options.checkpoint or rally_policies(options.robot)), robot)
+    given = options.checkpoint
+    policies = StrokePolicies.load(Path(given), robot) if given else rally_policies(robot)
     out = Path(options.out)
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -59,20 +56,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     write_report(out, played, metrics, robot)
     print(f"\nreport: {out / 'report.html'}")
     return 0
-
-
-def rally_policies(robot: str) -> Path:
-    """The policies for rallies that come with an arm.
-
-    Raises
-    ------
-    UserError
-        If none do.
-    """
-    for folder in (Path(robot), share_directory() / "config" / "robots" / robot):
-        if (folder / RALLY_POLICIES).is_file():
-            return folder / RALLY_POLICIES
-    raise UserError(
-        f"rally: no policies for rallies come with {robot}; give --checkpoint FILE, or make them with "
-        "python -m msrd_ros learn-rally"
-    )

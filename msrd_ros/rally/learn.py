@@ -49,6 +49,8 @@ from msrd_ros.table_tennis.teachers.rally_teacher import SOUND_COST, RallyTeache
 
 Array = NDArray[np.float64]
 
+_AFTER_HIT_STEPS = 3
+_LOST_RAD = 0.25
 FEWEST_RETURNS = 20
 """With fewer balls back over the net a generation has no next one."""
 
@@ -68,11 +70,12 @@ class RallyLearningConfig:
     teacher_shares
         Of the teacher in what the arm does, in the first rounds; later the policies play alone.
     teacher_noise
-        Of the actions in every other round in which the teacher plays alone, as fractions of the speed limits.
+        Of the actions in every other round in which the teacher plays alone, in speed fractions.
     kept_rounds
         From how many rounds the policies learn.
     hidden, steps, batch, learning_rates
-        Of the networks and of the cloning in each round: at first, in the last six rounds, in the last two.
+        Of the networks and of the cloning in each round; rates while the teacher plays along, after that, and
+        in the last three rounds.
     gain
         Of the teacher's answer to a joint that has strayed, speed fractions a radian.
     ready_std_rad
@@ -81,26 +84,31 @@ class RallyLearningConfig:
         Added to the balls of a generation, shape (9,): standard deviations in m, m/s and rad/s.
     """
 
-    rounds: int = 16
-    balls: int = 200
+    rounds: int = 14
+    balls: int = 150
     generations: int = 4
     teacher_shares: tuple[float, ...] = (1.0, 1.0, 0.6, 0.3)
     teacher_noise: float = 0.15
-    kept_rounds: int = 6
+    kept_rounds: int = 8
     hidden: tuple[int, ...] = (128, 128)
-    steps: int = 2000
-    batch: int = 384
-    learning_rates: tuple[float, float, float] = (3e-3, 1e-3, 3e-4)
+    steps: int = 2500
+    batch: int = 512
+    learning_rates: tuple[float, float, float] = (3e-3, 1.5e-3, 4e-4)
     gain: float = 6.0
     ready_std_rad: float = 0.008
     jitter: tuple[float, ...] = (0.003, 0.0045, 0.003, 0.015, 0.012, 0.015, 0.45, 0.75, 0.45)
 
 
 class Answers(NamedTuple):
-    """States that an arm came through and what the teacher would have done: (K, T + 1, N + 6), (K, T, N)."""
+    """States that an arm came through and what the teacher would have done.
+
+    Shapes (K, T + 1, N + 6) and (K, T, N); `lengths` (K,) says how many steps are worth learning from: until
+    the hit is over, which ends a stroke in a rally, or until the arm has strayed too far to hit the ball.
+    """
 
     observations: NDArray[np.float32]
     actions: NDArray[np.float32]
+    lengths: NDArray[np.int64]
 
 
 class Lesson:
@@ -122,13 +130,19 @@ class Lesson:
         self._positions = np.stack([course.position for course in courses])
         speeds = np.stack([course.velocity for course in courses])[:, 1:]
         self._actions = speeds / teacher.robot.limits.speed_rad_s
+        hits_s = np.array([stroke.hit_time_s for stroke, _ in plans])
+        after = np.ceil(hits_s / CONTROL_PERIOD_S).astype(np.int64) - FIRST_ACTING_STEP + _AFTER_HIT_STEPS
+        self._lengths = np.minimum(after, ACTING_STEPS)
         self.sound = np.array([cost < SOUND_COST for _, cost in plans])
         """Which balls the teacher can return as it wants to, shape (K,)."""
 
+    def astray(self, step: int, joint_position: Array) -> Array:
+        """How far joints at `joint_position` (K, N) are off the teacher's in a step, (K, N), rad."""
+        return joint_position - self._positions[:, step]
+
     def answer(self, step: int, joint_position: Array, gain: float) -> Array:
         """The teacher's actions (K, N) where joints are at `joint_position` (K, N) in a step."""
-        astray = self._positions[:, step] - joint_position
-        return np.clip(self._actions[:, step] + gain * astray, -1.0, 1.0)
+        return np.clip(self._actions[:, step] - gain * self.astray(step, joint_position), -1.0, 1.0)
 
     def play(
         self,
@@ -155,10 +169,12 @@ class Lesson:
         rallies = KinematicRallies([RallyPlan(self._teacher.label.side, ready_pose)], setup)
         ready = ready_pose + config.ready_std_rad * rng.standard_normal((1, count, robot.joint_count))
         seen = [rallies.start(self._incoming[None], ready, rng)[0]]
-        answers = []
+        answers, lengths = [], self._lengths.copy()
         for step in range(ACTING_STEPS):
             answer = self.answer(step, rallies.joint_position[0], config.gain)
             answers.append(answer)
+            is_lost = np.abs(self.astray(step, rallies.joint_position[0])).max(axis=1) > _LOST_RAD
+            lengths[is_lost] = np.minimum(lengths[is_lost], step)
             action = answer
             if policy is not None:
                 action = teacher_share * answer + (1.0 - teacher_share) * policy(seen[-1])
@@ -170,7 +186,7 @@ class Lesson:
             rallies.step(rest)
         observations = np.stack(seen, axis=1)[self.sound].astype(np.float32)
         actions = np.stack(answers, axis=1)[self.sound].astype(np.float32)
-        return Answers(observations, actions), rallies.results()
+        return Answers(observations, actions, lengths[self.sound]), rallies.results()
 
 
 class RallyLearning:
@@ -267,7 +283,8 @@ class RallyLearning:
         if self._policies is None:
             self._policies = self._new_policies(demonstrations)
         left = config.rounds - self.rounds_done
-        rate = config.learning_rates[0 if left > 6 else 1 if left > 2 else 2]
+        phase = 2 if left <= 3 else int(self.rounds_done >= len(config.teacher_shares))
+        rate = config.learning_rates[phase]
         # The first networks know nothing at all.
         steps = config.steps * (2 if self.rounds_done == 0 else 1)
         clone(
@@ -288,8 +305,7 @@ class RallyLearning:
         lengths = np.zeros(shape, np.int64)
         for row, one in enumerate(kept):
             count = len(one.observations)
-            observations[row, :count], actions[row, :count] = one
-            lengths[row, :count] = ACTING_STEPS
+            observations[row, :count], actions[row, :count], lengths[row, :count] = one
         return Demonstrations(observations, actions, self._layout, lengths)
 
     def _new_policies(self, demonstrations: Demonstrations) -> GaussianPolicies:

@@ -22,7 +22,7 @@ from msrd_ros.table_tennis.simulation.two_arms import RallyRecord
 from msrd_ros.table_tennis.simulation.world import Tick, WorldConfig
 from msrd_ros.table_tennis.strokes.chooser import StrategyChooser
 from msrd_ros.table_tennis.strokes.exchange import PolicyExchange
-from msrd_ros.table_tennis.strokes.player import StrokePlayer
+from msrd_ros.table_tennis.strokes.player import Phase, StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 Array = NDArray[np.float64]
@@ -180,15 +180,15 @@ def _play_one(
 ) -> PlayedRally:
     strategies: list[StrategyLabel | None] = []
     rows: list[tuple[Array, Array, Array]] = []
-    begun = dict.fromkeys(End, 0)
-    fed, waited = False, 0
+    swings, fed, waited = False, False, 0
     while not world.results:
         world.look()
         in_play, turn, hits = world.arms.in_play, world.arms.turn, world.arms.hits
         if in_play:
             if hits == len(strategies):
                 strategies.append(players[turn].wanted)
-                begun[turn] = players[turn].stroke.strokes_begun
+                swings = False
+            swings |= players[turn].stroke.phase is Phase.STROKE
             strategies[-1] = players[turn].wanted
             near, far = (world.arms.robots[end].joint_position for end in End)
             rows.append((near, far, world.arms.ball[:3]))
@@ -210,15 +210,13 @@ def _play_one(
     last = record.shots[-1]
     unstruck = None
     if not last.outcome.struck:
-        unstruck = _why_unstruck(
-            policies, last.end, ball, players[last.end].stroke.strokes_begun > begun[last.end]
-        )
+        unstruck = _why_unstruck(policies, last.end, ball, swings)
     return PlayedRally(
         record, fed_to, tuple(strategies), unstruck, Track({End.NEAR: near, End.FAR: far}, ball)
     )
 
 
-def _why_unstruck(policies: StrokePolicies, end: End, ball: Array, was_ready: bool) -> Unstruck:
+def _why_unstruck(policies: StrokePolicies, end: End, ball: Array, swings: bool) -> Unstruck:
     """Why an arm let the last ball of a rally pass; `ball` (T, 3) is that rally's, in `world`."""
     robot = policies.robot
     own = between(end, ball)
@@ -228,4 +226,4 @@ def _why_unstruck(policies: StrokePolicies, end: End, ball: Array, was_ready: bo
     nearest_m = float(np.linalg.norm(came - robot.shoulder, axis=1).min())
     if nearest_m > robot.reach_m:
         return Unstruck.OUT_OF_REACH
-    return Unstruck.SWUNG_PAST if was_ready else Unstruck.NOT_READY
+    return Unstruck.SWUNG_PAST if swings else Unstruck.NOT_READY

@@ -27,7 +27,7 @@ _FILM_TICKS = 2
 """Ticks a frame: 25 frames a second."""
 _STILL_TICKS = 12
 TWO_ARMS = FilmStyle(
-    width=480, height=270, eye=(0.0, -6.4, 2.6), target=(0.0, 0.0, 0.85), view_angle_deg=33.0
+    width=480, height=270, eye=(0.0, -6.4, 2.6), target=(0.0, 0.0, 0.85), view_angle_deg=25.0
 )
 """From the side, with both ends in view."""
 
@@ -60,9 +60,9 @@ def summary(metrics: dict[str, Any]) -> str:
     ends = ", ".join(f"{reason} {count}" for reason, count in metrics["ends"].items())
     low, high = hits["quartiles"]
     return (
-        f"{metrics['rallies']} rallies: median {hits['median']:g} hits (quartiles {low:g} and {high:g}), mean "
-        f"{hits['mean']:.1f}, longest {hits['most']}; {metrics['returned_share']:.1%} of strokes returned the "
-        f"ball\nended by: {ends}"
+        f"{metrics['rallies']} rallies: median {hits['median']:g} hits (quartiles {low:g} and {high:g}), "
+        f"mean {hits['mean']:.1f}, longest {hits['most']}; {metrics['returned_share']:.1%} of strokes "
+        f"returned the ball\nended by: {ends}"
     )
 
 

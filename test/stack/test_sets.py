@@ -43,6 +43,7 @@ SAID = {
     "port": "8090",
     "expose": "true",
     "token": "secret",
+    "rallies": "4",
 }
 """Something for every argument."""
 

@@ -96,7 +96,7 @@ class FilmStudio:
         self._scene = scene or Scene()
         self.style = style or FilmStyle()
         self._client: int = pybullet.connect(pybullet.DIRECT)
-        BulletScene(self._client, self._scene, visible=True)
+        BulletScene(self._client, self._scene, visible=True, feeder=not both_ends)
         self._arm = BulletArm(self._client, robot)
         self._far_arm = BulletArm(self._client, robot, end=End.FAR) if both_ends else None
         style = self.style

@@ -62,8 +62,9 @@ def test_an_arm_that_is_there_already_changes_at_the_last_moment() -> None:
 
 def test_a_ball_out_of_reach_or_down_the_middle_changes_nothing() -> None:
     away = path_of(Side.FOREHAND, 15)
+    wide = away + np.array([0.0, -1.6, 0.0])
     joints = FACTS[FOREHAND].ready_pose
-    assert set(watch(chooser_of(BACKHAND), away + [0.0, -1.6, 0.0], joints)) == {BACKHAND}
+    assert set(watch(chooser_of(BACKHAND), wide, joints)) == {BACKHAND}
     middle = away * [1.0, 0.0, 1.0]
     assert set(watch(chooser_of(BACKHAND), middle, joints)) == {BACKHAND}
 
