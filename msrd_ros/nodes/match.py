@@ -39,7 +39,7 @@ from msrd_ros.table_tennis.ball.ends import End
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
 from msrd_ros.table_tennis.simulation.rally import RallyConfig
 from msrd_ros.table_tennis.simulation.two_arm_world import TwoArmWorld
-from msrd_ros.table_tennis.simulation.two_arms import RallyRecord
+from msrd_ros.table_tennis.simulation.two_arms import MOST_HITS, RallyRecord
 from msrd_ros.table_tennis.simulation.world import WorldConfig, compile_ahead
 from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE, Strategies
 
@@ -59,6 +59,7 @@ class MatchConfig:
     seed: int = parameter(0, "Seed of feeds and of the camera's noise", low=0)
     spread: str = parameter("standard", "Spread of the feeds", choices=tuple(SPREADS), live=True)
     rallies: int = parameter(0, "Rallies to play, then it ends; 0 waits for ~/serve", low=0)
+    most_hits: int = parameter(MOST_HITS, "A rally is cut off after so many hits", low=1)
     report: str = parameter("", "JSON file for the lengths of rallies; empty writes none")
     camera_rate_hz: float = parameter(200.0, "Frames of the camera", unit="Hz", low=1.0, high=1000.0)
     camera_noise_m: float = parameter(
@@ -93,7 +94,7 @@ class Match(StackNode):
         rally = RallyConfig(robot=self._robot)
         compile_ahead(rally)
         camera = CameraConfig(config.camera_rate_hz, config.camera_noise_m)
-        self._world = TwoArmWorld(WorldConfig(rally, camera, config.seed))
+        self._world = TwoArmWorld(WorldConfig(rally, camera, config.seed), config.most_hits)
         self._rng = np.random.default_rng((FEED_STREAM, config.seed))
         self._strategies = Strategies.shipped()
         self._answered: set[End] = set()
@@ -193,7 +194,7 @@ class Match(StackNode):
         self._pace.follow(period_s, self.config.rate)
 
     def _feed_if_wanted(self) -> None:
-        idle = not self._world.arms.in_play and not self._world.feeds_waiting
+        idle = self._world.is_ready and not self._world.feeds_waiting
         if idle and self._fed < self.config.rallies:
             self._feed()
 

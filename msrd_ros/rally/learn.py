@@ -51,6 +51,7 @@ Array = NDArray[np.float64]
 
 _AFTER_HIT_STEPS = 3
 _LOST_RAD = 0.25
+_LAST_ROUNDS = 8
 FEWEST_RETURNS = 20
 """With fewer balls back over the net a generation has no next one."""
 
@@ -75,7 +76,7 @@ class RallyLearningConfig:
         From how many rounds the policies learn.
     hidden, steps, batch, learning_rates
         Of the networks and of the cloning in each round; rates while the teacher plays along, after that, and
-        in the last three rounds.
+        in the last eight rounds, in which the policies settle.
     gain
         Of the teacher's answer to a joint that has strayed, speed fractions a radian.
     ready_std_rad
@@ -84,15 +85,15 @@ class RallyLearningConfig:
         Added to the balls of a generation, shape (9,): standard deviations in m, m/s and rad/s.
     """
 
-    rounds: int = 14
+    rounds: int = 24
     balls: int = 150
     generations: int = 4
     teacher_shares: tuple[float, ...] = (1.0, 1.0, 0.6, 0.3)
     teacher_noise: float = 0.15
     kept_rounds: int = 8
-    hidden: tuple[int, ...] = (128, 128)
-    steps: int = 2500
-    batch: int = 512
+    hidden: tuple[int, ...] = (64, 64)
+    steps: int = 3000
+    batch: int = 384
     learning_rates: tuple[float, float, float] = (3e-3, 1.5e-3, 4e-4)
     gain: float = 6.0
     ready_std_rad: float = 0.008
@@ -283,7 +284,7 @@ class RallyLearning:
         if self._policies is None:
             self._policies = self._new_policies(demonstrations)
         left = config.rounds - self.rounds_done
-        phase = 2 if left <= 3 else int(self.rounds_done >= len(config.teacher_shares))
+        phase = 2 if left <= _LAST_ROUNDS else int(self.rounds_done >= len(config.teacher_shares))
         rate = config.learning_rates[phase]
         # The first networks know nothing at all.
         steps = config.steps * (2 if self.rounds_done == 0 else 1)

@@ -196,7 +196,7 @@ def _play_one(
             reference, label = player.act(world.tick(end))
             world.strategies[end] = player.wanted
             world.command(end, reference.position, reference.velocity, CONTROL_PERIOD_S, label)
-        if not fed and waited > 1:
+        if not fed and world.is_ready:
             # The side is that on which the arm waits, as of every feed in this package.
             side = policies.require(players[fed_to].wanted).side
             world.feed(Feeder().sample(side, SPREADS[spread], rng), fed_to)

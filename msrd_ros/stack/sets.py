@@ -306,7 +306,7 @@ def _rally(values: Values) -> tuple[Stage, ...]:
             "python -m msrd_ros learn-rally"
         )
     played: dict[str, Value] = {**robot, "checkpoint": checkpoint}
-    nodes = [NodeCall("match", {**robot, **values.pick("rallies", "report", "seed")}, Part.ENDS)]
+    nodes = [NodeCall("match", {**robot, **values.pick("rallies", "most_hits", "report", "seed")}, Part.ENDS)]
     for number, end in enumerate(ENDS):
         executor = NodeCall("executor", {**played, "in_rally": True, "accept_policy": False}, namespace=end)
         chooser = NodeCall("chooser", {**played, "seed": 2 * values.number("seed") + number}, namespace=end)
@@ -489,6 +489,7 @@ SETS = {
                 ),
                 _ROBOT,
                 Argument("rallies", "Rallies to play; 0 waits for match/serve", "10", read=as_count(0)),
+                Argument("most_hits", "A rally is cut off after so many hits", "1000", read=as_count(1)),
                 Argument(
                     "report", "JSON file for the lengths of rallies", unset="none is written", read=as_path
                 ),

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 
 from msrd_ros.contract.translation import read_outcome, stamp_to_ns
-from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE
+from msrd_ros.nodes.common import EVENT, LATCHED, STATE
 from msrd_ros.nodes.match import MATCH_STATUS
 from msrd_ros.table_tennis.ball.ends import End
 from stack import START_TIMEOUT_S, Stack, one_line
@@ -22,6 +22,7 @@ from stack import START_TIMEOUT_S, Stack, one_line
 pytestmark = pytest.mark.processes
 
 RALLY_TIMEOUT_S = 120.0
+MOST_HITS = 4
 
 
 def test_two_arms_play_a_short_rally(stack: Stack, tmp_path: Path) -> None:
@@ -32,12 +33,14 @@ def test_two_arms_play_a_short_rally(stack: Stack, tmp_path: Path) -> None:
 
     for end in End:
         hear(JointState, f"{end}/joint_states", STATE)
-        hear(JointTrajectory, f"{end}/joint_command", COMMAND)
+        hear(JointTrajectory, f"{end}/joint_command", STATE)
         hear(DiagnosticArray, f"{end}/rally/outcome", EVENT)
         hear(Header, f"{end}/strategy", LATCHED)
     hear(DiagnosticArray, "match/outcome", EVENT)
     report = tmp_path / "rallies.json"
-    process = stack.launcher.start("up", "rally", "rallies:=1", "seed:=3", f"report:={report}")
+    process = stack.launcher.start(
+        "up", "rally", "rallies:=1", f"most_hits:={MOST_HITS}", f"report:={report}"
+    )
     stack.wait_until(lambda: heard["match/outcome"], "rally", START_TIMEOUT_S + RALLY_TIMEOUT_S, process)
     assert process.wait(60.0) == 0, process.output
 
@@ -45,7 +48,7 @@ def test_two_arms_play_a_short_rally(stack: Stack, tmp_path: Path) -> None:
     values = {pair.key: pair.value for pair in told.values}
     assert told.name == MATCH_STATUS
     hits = int(values["hits"])
-    assert hits >= 1
+    assert 1 <= hits <= MOST_HITS
     content = json.loads(report.read_text())
     assert (content["hits"], content["ends"]) == ([hits], [told.message])
 
@@ -55,7 +58,7 @@ def test_two_arms_play_a_short_rally(stack: Stack, tmp_path: Path) -> None:
         for message in heard[f"{end}/rally/outcome"]
     ]
     strokes.sort(key=lambda stroke: stroke[0])
-    assert [outcome.returned for _, _, outcome in strokes] == [True] * hits + [False]
+    assert [outcome.returned for _, _, outcome in strokes] == [True] * hits + [False] * (hits < MOST_HITS)
     ends = [end for _, end, _ in strokes]
     assert all(first is second.other for first, second in pairwise(ends)), "they take turns"
     assert values["end"] == strokes[-1][1]
@@ -63,9 +66,9 @@ def test_two_arms_play_a_short_rally(stack: Stack, tmp_path: Path) -> None:
         assert heard[f"{end}/strategy"]
         states = {stamp_to_ns(message.header.stamp) for message in heard[f"{end}/joint_states"]}
         commands = {stamp_to_ns(message.header.stamp) for message in heard[f"{end}/joint_command"]}
-        # In lockstep every tick of each arm is answered, but the one at which all ends.
+        # In lockstep every tick is answered; publishers keep one command, so that some are not heard.
         assert len(states) > 50
-        assert len(states - commands) <= 2
+        assert len(states & commands) > 0.9 * len(states)
     assert stack.diagnostics["match"]["limits_exceeded"] == "0"
 
 

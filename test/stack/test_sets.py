@@ -44,6 +44,7 @@ SAID = {
     "expose": "true",
     "token": "secret",
     "rallies": "4",
+    "most_hits": "9",
 }
 """Something for every argument."""
 

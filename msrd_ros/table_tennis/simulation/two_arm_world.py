@@ -17,9 +17,12 @@ from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.table_tennis.ball.camera import Camera
 from msrd_ros.table_tennis.ball.ends import End, between
 from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
-from msrd_ros.table_tennis.simulation.two_arms import RallyRecord, TwoArms
+from msrd_ros.table_tennis.simulation.two_arms import MOST_HITS, RallyRecord, TwoArms
 from msrd_ros.table_tennis.simulation.world import EPOCH_NS, Sample, Tick, WorldConfig
 from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE
+
+PAUSE_S = 0.5
+"""Between two rallies at least: time to name other strategies in."""
 
 
 class AddressedFeed(NamedTuple):
@@ -36,6 +39,8 @@ class TwoArmWorld:
     ----------
     config
         What arms, table and camera are like.
+    most_hits
+        A rally is cut off after so many.
 
     Attributes
     ----------
@@ -47,9 +52,9 @@ class TwoArmWorld:
         Rallies that are over.
     """
 
-    def __init__(self, config: WorldConfig) -> None:
+    def __init__(self, config: WorldConfig, most_hits: int = MOST_HITS) -> None:
         self.config = config
-        self.arms = TwoArms(config.rally)
+        self.arms = TwoArms(config.rally, most_hits)
         self.strategies: dict[End, StrategyLabel | None] = dict.fromkeys(End)
         self.results: deque[RallyRecord] = deque()
         self._served: dict[End, StrategyLabel | None] = dict.fromkeys(End)
@@ -57,6 +62,7 @@ class TwoArmWorld:
         self._waiting_ball = np.array(Feeder().nominal(DEFAULT_SIDE).position)
         self._camera = Camera(config.camera, np.random.default_rng(config.seed))
         self._launch_ns = 0
+        self._idle_since_s = 0.0
         self._sample = Sample(EPOCH_NS, self._waiting_ball)
 
     @property
@@ -68,6 +74,16 @@ class TwoArmWorld:
     def feeds_waiting(self) -> int:
         """Balls that are to be launched."""
         return len(self._feeds)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a rally may begin: both arms have had a pause, rest, and serve the strategies wanted."""
+        paused_s = self.arms.time - self._idle_since_s
+        return not self.arms.in_play and paused_s > PAUSE_S and self._arms_are_ready
+
+    @property
+    def _arms_are_ready(self) -> bool:
+        return all(self.arms.robots[end].at_rest and self._served[end] == self.strategies[end] for end in End)
 
     def close(self) -> None:
         """Let go of Bullet."""
@@ -118,6 +134,7 @@ class TwoArmWorld:
         self.arms.advance(period_s, self._watch)
         if in_play and self.arms.record is not None:
             self.results.append(self.arms.record)
+            self._idle_since_s = self.arms.time
 
     def _launch_if_ready(self) -> None:
         if not self._feeds or self.arms.in_play:
@@ -127,10 +144,7 @@ class TwoArmWorld:
         shown = np.array_equal(self._waiting_ball, place)
         self._waiting_ball = place
         # The ball is seen where it is launched from for one tick at least.
-        ready = all(
-            self.arms.robots[each].at_rest and self._served[each] == self.strategies[each] for each in End
-        )
-        if not shown or not ready:
+        if not shown or not self._arms_are_ready:
             return
         self._feeds.popleft()
         # Noise that depends on the ball alone, so that a rally repeats whatever came before it.

@@ -22,14 +22,18 @@ from msrd_ros.table_tennis.ball.ends import End, between, turned
 from msrd_ros.table_tennis.ball.feeder import Feed
 from msrd_ros.table_tennis.ball.referee import IN_PLAY, RETURNED, new_referees, outcome_of, struck_ball
 from msrd_ros.table_tennis.ball.step import step_ball
-from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE
+from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE, PADDLE_SIZE
 from msrd_ros.table_tennis.simulation.bullet_scene import BulletScene, connect_bullet
+from msrd_ros.table_tennis.simulation.rally import REACH_MARGIN_M
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.robot import STEP_S, SimulatedRobot
 
 Array = NDArray[np.float64]
 
+MOST_HITS = 1000
+"""A rally is cut off after so many."""
 _MOST_FINISHED = 64
+_NO_PADDLES: Array = np.tile(NO_PADDLE, (2, 1))
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ class TwoArms:
         Strokes that the referee has decided, for who takes them out.
     """
 
-    def __init__(self, config: RallyConfig | None = None, most_hits: int = 1000) -> None:
+    def __init__(self, config: RallyConfig | None = None, most_hits: int = MOST_HITS) -> None:
         self.config = config = config or RallyConfig()
         require_apart(config)
         self._most_hits = most_hits
@@ -106,7 +110,8 @@ class TwoArms:
         self._steps = 0
         self._shots: list[Shot] = []
         self.finished: deque[Shot] = deque(maxlen=_MOST_FINISHED)
-        self._paddles = {end: np.tile(np.asarray(NO_PADDLE), (2, 1)) for end in End}
+        self._paddle: Array = np.empty((2, PADDLE_SIZE))
+        self._farthest_hit_x_m = float(config.robot.shoulder[0]) + config.robot.reach_m + REACH_MARGIN_M
         self.in_play = False
         self.launched = 0
         self.record: RallyRecord | None = None
@@ -188,20 +193,23 @@ class TwoArms:
             self._set_out_s = self.time
 
     def _step(self) -> None:
-        for end, arm in self.robots.items():
-            paddle = self._paddles[end]
-            if self.in_play:
-                arm.place_paddle(paddle[0])
+        # Only the arm on whose half the ball is can meet it, and only there where that arm reaches.
+        own = self._state[0] < 0.0
+        end = self._turn if own else self._turn.other
+        within_reach = self.in_play and -abs(self._state[0]) < self._farthest_hit_x_m
+        paddle = self._paddle if within_reach else _NO_PADDLES
+        if within_reach:
+            self.robots[end].place_paddle(paddle[0])
+        for arm in self.robots.values():
             arm.step(self.time)
-            if self.in_play:
-                arm.place_paddle(paddle[1])
+        if within_reach:
+            self.robots[end].place_paddle(paddle[1])
         if self.in_play:
-            self._move_ball()
+            self._move_ball(paddle if own or not within_reach else turned(paddle), own)
         self._steps += 1
 
-    def _move_ball(self) -> None:
-        own = self._state[0] < 0.0
-        paddle = self._paddles[self._turn] if own else turned(self._paddles[self._turn.other])
+    def _move_ball(self, paddle: Array, own: bool) -> None:
+        """One step of the ball and what the referee says to it; `own` half, of the arm whose turn it is."""
         referee, since_s = self._referee, self.time - self._set_out_s
         hits = int(referee["hits"][0])
         step_ball(self._state, referee, paddle[0], paddle[1], since_s, STEP_S, self._scene)
