@@ -27,7 +27,7 @@ _FILM_TICKS = 2
 """Ticks a frame: 25 frames a second."""
 _STILL_TICKS = 12
 TWO_ARMS = FilmStyle(
-    width=480, height=270, eye=(0.0, -6.4, 2.6), target=(0.0, 0.0, 0.85), view_angle_deg=25.0
+    width=480, height=270, eye=(0.0, -6.4, 2.6), target=(0.0, 0.0, 0.85), view_angle_deg=27.5
 )
 """From the side, with both ends in view."""
 
