@@ -78,6 +78,7 @@ ROOMS["table_tennis/strokes"] = Room({*_TABLE, "learning", "bags", "cluster"}, R
 _ALL_BELOW = {*ROOMS["table_tennis/strokes"].below, "table_tennis/strokes"}
 ROOMS["recordings"] = Room(_ALL_BELOW, ROS | DRAWING)
 ROOMS["reports"] = Room(_ALL_BELOW, ROS | BAGS)
+ROOMS["rally"] = Room({*_ALL_BELOW, "reports"}, ROS | BAGS)
 ROOMS["explain"] = Room({*_ALL_BELOW, "recordings", "reports"}, ROS)
 ROOMS["nodes"] = Room({*_ALL_BELOW, "recordings"}, DRAWING)
 ROOMS["stack"] = Room({*ROOMS["nodes"].below, "nodes"}, DRAWING)

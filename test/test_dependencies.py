@@ -30,6 +30,7 @@ EXTRAS: dict[str, set[str]] = {
     "recordings": {"lerobot", "minari"},
     "reports": {"sim"},
     "nodes": {"ros", "sim"},
+    "rally": {"sim"},
     "explain": {"sim"},
     "studio": {"ros", "sim", "studio"},
     "stack": {"ros", "sim"},

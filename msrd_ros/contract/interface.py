@@ -14,6 +14,7 @@ _BESIDE = (
     TopicFacts("recorder/verdict", "diagnostic_msgs/msg/DiagnosticArray", 100),
     TopicFacts("policy", "std_msgs/msg/UInt8MultiArray", 1, latched=True),
     TopicFacts("training/progress", "diagnostic_msgs/msg/DiagnosticArray", 100),
+    TopicFacts("match/outcome", "diagnostic_msgs/msg/DiagnosticArray", 100),
     TopicFacts("scene", "visualization_msgs/msg/MarkerArray", 1),
     TopicFacts("/tf", "tf2_msgs/msg/TFMessage", 1000),
     TopicFacts("clock", "rosgraph_msgs/msg/Clock", 1),
@@ -29,7 +30,9 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "ball/position": "simulator or vision → all",
         "ball/odometry": "simulator; ground truth with spin, for judging only",
         "feed": "evaluator, demonstrator, studio, trainer, person → simulator",
-        "strategy": "person, demonstrator, studio, evaluator, trainer → executor, recorder, simulator",
+        "strategy": (
+            "person, demonstrator, studio, evaluator, trainer, chooser → executor, recorder, simulator, match"
+        ),
         "target": "person, evaluator → executor, studio; where balls are to land",
         "rally/outcome": "simulator → recorder, evaluator, demonstrator, trainer; one per ball",
         "robot_description": "simulator → recorder, RViz, Foxglove",
@@ -39,6 +42,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "recorder/verdict": "recorder → demonstrator, studio, serving trainer; kept, or why not",
         "policy": "trainer, studio → executor; safetensors bytes, swapped between strokes only",
         "training/progress": "trainer",
+        "match/outcome": "match; one per rally: its hits, and what ended it at which end",
         "scene": "simulator; executor, the target → RViz, Foxglove",
         "/tf": "simulator → RViz, Foxglove (where tf2_msgs is installed)",
         "clock": "simulator or player → all; /clock outside a namespace",

@@ -87,6 +87,9 @@ class ExecutorConfig:
         low=0.01,
         high=1.0,
     )
+    in_rally: bool = parameter(
+        False, "Balls come back: a stroke ends with its ball, and the arm makes for the next one at once"
+    )
     autostart: bool = autostart_parameter()
 
 
@@ -293,7 +296,8 @@ class Executor(ManagedNode):
     def _follow(self, position: NDArray[np.float64]) -> StrokePlayer:
         """The player; led back to where the arm is if that has strayed from its command."""
         if self._player is None:
-            self._player = StrokePlayer(self._robot, position, self.config.tracking_tolerance_rad)
+            config = self.config
+            self._player = StrokePlayer(self._robot, position, config.tracking_tolerance_rad, config.in_rally)
         player = self._player
         if self._has_paused(player):
             player.begin_at(position)

@@ -43,6 +43,8 @@ SAID = {
     "port": "8090",
     "expose": "true",
     "token": "secret",
+    "rallies": "4",
+    "most_hits": "9",
 }
 """Something for every argument."""
 

@@ -62,9 +62,11 @@ class BulletScene:
         Sizes.
     visible
         Whether to add what only meets the eye; it costs time to set up.
+    feeder
+        Whether a feeder is among it; it stands where an arm at the far end would play.
     """
 
-    def __init__(self, client: int, scene: Scene, *, visible: bool) -> None:
+    def __init__(self, client: int, scene: Scene, *, visible: bool, feeder: bool = True) -> None:
         self._client = client
         self._visible = visible
         table, net = scene.table, scene.net
@@ -82,7 +84,8 @@ class BulletScene:
         if visible:
             self._paint_table(scene)
             self._stand_table(scene)
-            self._set_feeder()
+            if feeder:
+                self._set_feeder()
             self.ball = self.add_ball(scene.ball.radius_m, BALL_ORANGE)
 
     def add_ball(

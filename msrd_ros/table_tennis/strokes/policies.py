@@ -24,6 +24,8 @@ from msrd_ros.table_tennis.strokes.reach import TARGET_NAMES, Reach, say_point
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (N + 6,) to an action (N,)."""
+RALLY_POLICIES_FILE = "rally.safetensors"
+"""Beside ``robot.yaml``: policies that learned from balls of rallies."""
 MOST_NOISE_RAD = 0.2
 """Of the start posture while exploring; the trainer's parameter goes as far."""
 
@@ -246,6 +248,23 @@ class StrokePolicies:
                 f"{path}: cannot read the checkpoint ({error.strerror}); train one, or mend the path"
             ) from None
         return cls.from_bytes(data, str(path), robot)
+
+
+def rally_policies(robot: Robot) -> StrokePolicies:
+    """The policies for rallies that come with an arm.
+
+    Raises
+    ------
+    UserError
+        If none do.
+    """
+    path = robot.folder / RALLY_POLICIES_FILE
+    if not path.is_file():
+        raise UserError(
+            f"{robot.name}: no policies for rallies come with it ({path}); give a checkpoint, or learn them "
+            f"with python -m msrd_ros learn-rally --robot {robot.name}"
+        )
+    return StrokePolicies.load(path, robot)
 
 
 def _read_numbers(
