@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import threading
 import time
@@ -126,7 +127,7 @@ def test_other_code_at_the_worker_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(unit_module, "fingerprint", lambda: (("Python", "2.7"),))
     call = unit_module.Call(units.square, (1,))
     monkeypatch.setattr(unit_module, "fingerprint", lambda: (("Python", "3.0"),))
-    answer = unit_module.pickle.loads(call.perform(unit_module.pickle.dumps(1)))
+    answer = pickle.loads(call.perform(pickle.dumps(1)))
     assert answer.is_users
     assert "has Python 3.0, and here it is 2.7: install the same" in answer.text
 
