@@ -115,14 +115,15 @@ def parts(workers: Workers, unit_s: float) -> Costs:
 def on_paper(costs: Costs, workers: int) -> tuple[float, float]:
     """Seconds of an iteration's rollouts on so many workers, and how many of them that keeps at work.
 
-    Whoever hands out does one unit after the other, its bytes go through one network, and the last round of
-    units is waited for.
+    Whoever hands out does one unit after the other: the last worker begins once all others have, and its
+    bytes go through one network. The last round of units is waited for.
     """
     count = math.ceil(EPISODES * len(ALL_LABELS) / BALLS_PER_UNIT)
     machines = math.ceil(workers / PROCESSORS_OF_A_MACHINE)
     sent_s = costs.policy_bytes * machines / NETWORK_BYTES_S
-    handed_out_s = count * max(costs.hand_out_s, costs.answer_bytes / NETWORK_BYTES_S)
-    took_s = costs.share_s + sent_s + max(math.ceil(count / workers) * costs.unit_s, handed_out_s)
+    each_s = costs.hand_out_s + costs.answer_bytes / NETWORK_BYTES_S
+    rounds_s = math.ceil(count / workers) * costs.unit_s
+    took_s = costs.share_s + sent_s + min(workers, count) * each_s + max(rounds_s, count * each_s)
     return took_s, count * costs.unit_s / took_s
 
 
