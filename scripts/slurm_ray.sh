@@ -23,7 +23,7 @@ export RAY_AUTH_TOKEN
 
 mapfile -t machines < <(scontrol show hostnames "$SLURM_JOB_NODELIST")
 head=${machines[0]}
-address=$(srun --nodes 1 --ntasks 1 --nodelist "$head" hostname --ip-address | awk '{ print $1 }')
+address=$(srun --nodes 1 --ntasks 1 --nodelist "$head" hostname --all-ip-addresses | awk '{ print $1 }')
 
 started=()
 trap 'kill "${started[@]}" 2> /dev/null || true; wait' EXIT

@@ -42,7 +42,11 @@ _RENAMED = {
     "corrections": "recovery_labels",
 }
 """Names of 0.1.0, and what they are called now."""
-_ADDED = {"reward": {"nearness": 0.0}, "replay": {"displaced_share": 0.0}}
+_ADDED = {
+    "reward": {"nearness": 0.0},
+    "replay": {"displaced_share": 0.0},
+    "policy": {"reference_price": 0.0},
+}
 """Settings that 0.1.0 did not have, and what it did."""
 
 
