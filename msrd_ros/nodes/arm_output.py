@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from rclpy.node import Node
-from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.nodes.common import EVENT, LATCHED, STATE
-from msrd_ros.nodes.messages import WORLD, outcome_to_message
+from msrd_ros.nodes.messages import ball_of_tick, joints_of_tick, outcome_to_message, to_stamp
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.ends import End
 from msrd_ros.table_tennis.simulation.world import Tick
@@ -44,26 +41,9 @@ class ArmOutput:
     def publish_tick(self, tick: Tick) -> None:
         """Publish the present tick: the ball, then the joints."""
         # Whoever waits for both is then ready with the second.
-        ball = PointStamped()
-        ball.header.frame_id = WORLD
-        ball.header.stamp = to_stamp(tick.ball_stamp_ns)
-        ball.point.x, ball.point.y, ball.point.z = map(float, tick.ball_position)
-        self._ball.publish(ball)
-        state = JointState(
-            name=list(self._robot.joint_names),
-            position=tick.joint_position.tolist(),
-            velocity=tick.joint_velocity.tolist(),
-            effort=tick.joint_effort.tolist(),
-        )
-        state.header.stamp = to_stamp(tick.time_ns)
-        state.header.frame_id = str(tick.label or "")
-        self._joint_states.publish(state)
+        self._ball.publish(ball_of_tick(tick))
+        self._joint_states.publish(joints_of_tick(tick, self._robot))
 
     def publish_outcome(self, outcome: Outcome, label: StrategyLabel | None, time_ns: int) -> None:
         """Tell what became of a ball that this arm had."""
         self._outcome.publish(outcome_to_message(outcome, label, to_stamp(time_ns)))
-
-
-def to_stamp(time_ns: int) -> Any:
-    """Nanoseconds as builtin_interfaces/Time."""
-    return Time(nanoseconds=time_ns).to_msg()

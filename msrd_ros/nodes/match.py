@@ -18,7 +18,7 @@ from msrd_ros.contract.translation import stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.formats import write_report
 from msrd_ros.core.parameters import parameter
-from msrd_ros.nodes.arm_output import ArmOutput, to_stamp
+from msrd_ros.nodes.arm_output import ArmOutput
 from msrd_ros.nodes.common import (
     COMMAND,
     EVENT,
@@ -30,7 +30,7 @@ from msrd_ros.nodes.common import (
     steady_timer,
 )
 from msrd_ros.nodes.latched import hear_latched
-from msrd_ros.nodes.messages import command_from_message
+from msrd_ros.nodes.messages import command_from_message, to_stamp
 from msrd_ros.nodes.pace import Pace
 from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.robots.loading import load_robot

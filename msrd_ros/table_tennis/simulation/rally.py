@@ -47,11 +47,7 @@ class Rally:
 
     def __init__(self, config: RallyConfig | None = None, *, gui: bool = False) -> None:
         self.config = config = config or RallyConfig()
-        self._client = connect_bullet(gui)
-        pybullet.setGravity(0.0, 0.0, -config.scene.gravity_m_s2, physicsClientId=self._client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
-        )
+        self._client = connect_bullet(gui, config.scene.gravity_m_s2)
         self._scene = BulletScene(self._client, config.scene, visible=gui)
         self._robot = SimulatedRobot(self._client, config)
         self._ball = PlayedBall(config.scene, STEP_S, config.shortest_s, config.longest_s)

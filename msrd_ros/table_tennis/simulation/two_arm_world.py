@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.translation import NANOSECONDS
-from msrd_ros.table_tennis.ball.camera import Camera
 from msrd_ros.table_tennis.ball.ends import End, between
-from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
+from msrd_ros.table_tennis.ball.feeder import Feed
+from msrd_ros.table_tennis.simulation.seen_ball import EPOCH_NS, SeenBall, simulated_ns
 from msrd_ros.table_tennis.simulation.two_arms import MOST_HITS, RallyRecord, TwoArms
-from msrd_ros.table_tennis.simulation.world import EPOCH_NS, Sample, Tick, WorldConfig
-from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE
+from msrd_ros.table_tennis.simulation.world import Tick, WorldConfig
 
 PAUSE_S = 0.5
 """Between two rallies at least: time to name other strategies in."""
@@ -59,16 +58,14 @@ class TwoArmWorld:
         self.results: deque[RallyRecord] = deque()
         self._served: dict[End, StrategyLabel | None] = dict.fromkeys(End)
         self._feeds: deque[AddressedFeed] = deque()
-        self._waiting_ball = np.array(Feeder().nominal(DEFAULT_SIDE).position)
-        self._camera = Camera(config.camera, np.random.default_rng(config.seed))
-        self._launch_ns = 0
+        self._seen = SeenBall(config.camera, config.seed)
+        self._sample = self._seen.look(self.time_ns, in_play=False)
         self._idle_since_s = 0.0
-        self._sample = Sample(EPOCH_NS, self._waiting_ball)
 
     @property
     def time_ns(self) -> int:
         """Simulated time in whole nanoseconds."""
-        return EPOCH_NS + round(self.arms.time * 1000.0) * (NANOSECONDS // 1000)
+        return simulated_ns(self.arms.time)
 
     @property
     def feeds_waiting(self) -> int:
@@ -91,12 +88,7 @@ class TwoArmWorld:
 
     def look(self) -> None:
         """Take in the camera's newest frame; once a tick, before `tick` of both ends."""
-        if not self.arms.in_play:
-            self._sample = Sample(self.time_ns, self._waiting_ball)
-            return
-        frame = self._camera.newest((self.time_ns - self._launch_ns) / NANOSECONDS)
-        if frame is not None:
-            self._sample = Sample(self._launch_ns + round(frame.stamp * NANOSECONDS), frame.position)
+        self._sample = self._seen.look(self.time_ns, self.arms.in_play)
 
     def tick(self, end: End) -> Tick:
         """What an arm learns now, in the frame of its end."""
@@ -140,21 +132,14 @@ class TwoArmWorld:
         if not self._feeds or self.arms.in_play:
             return
         feed, end = self._feeds[0]
-        place = between(end, np.array(feed.position))
-        shown = np.array_equal(self._waiting_ball, place)
-        self._waiting_ball = place
+        shown = self._seen.wait_at(between(end, np.array(feed.position)))
         # The ball is seen where it is launched from for one tick at least.
         if not shown or not self._arms_are_ready:
             return
         self._feeds.popleft()
-        # Noise that depends on the ball alone, so that a rally repeats whatever came before it.
-        rng = np.random.default_rng((self.config.seed, self.arms.launched + 1))
-        self._camera = Camera(self.config.camera, rng)
-        self._launch_ns = self.time_ns
-        self._sample = Sample(self.time_ns, place)
-        self._camera.offer(0.0, place)
+        self._seen.launch(self.time_ns, self.arms.launched + 1)
         self.arms.launch(feed, end)
 
     def _watch(self, time_s: float, ball: NDArray[np.float64]) -> None:
         """Show the camera where the ball is, once per simulation step."""
-        self._camera.offer(time_s - (self._launch_ns - EPOCH_NS) / NANOSECONDS, ball)
+        self._seen.offer(time_s - (self._seen.launch_ns - EPOCH_NS) / NANOSECONDS, ball)

@@ -156,9 +156,7 @@ class TwoArms:
         UserError
             If a number of the feed is not finite.
         """
-        state = feed.state()
-        if not np.isfinite(state).all():
-            raise UserError("feed holds a number that is not finite; give position, velocity and spin in SI")
+        state = feed.launched()
         self._turn, self._shots, self.record = end, [], None
         self._state = state
         self._await(state, 0)
@@ -275,10 +273,6 @@ def require_apart(config: RallyConfig) -> float:
 
 
 def _open_client(config: RallyConfig) -> int:
-    client = connect_bullet(False)
-    pybullet.setGravity(0.0, 0.0, -config.scene.gravity_m_s2, physicsClientId=client)
-    pybullet.setPhysicsEngineParameter(
-        fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=client
-    )
+    client = connect_bullet(False, config.scene.gravity_m_s2)
     BulletScene(client, config.scene, visible=False)
     return client
