@@ -28,7 +28,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo studio test suite test-fast test-lowest test-lerobot coverage campaign soak docs lint format dist clean
+.PHONY: help venv demo rally studio test suite test-fast test-lowest test-lerobot coverage campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -55,6 +55,9 @@ $(STAMP): setup.py $(CONSTRAINTS)
 
 demo: $(STAMP)  ## Teach, record, replay, train and play all six strokes with ROBOT; report in OUT
 	$(BIN)/python -m msrd_ros up demo 'out:=$(OUT)' 'robot:=$(ROBOT)'
+
+rally: $(STAMP)  ## Let two arms ROBOT play each other a hundred rallies; film and report in out/rally
+	$(BIN)/python -m msrd_ros rally --robot '$(ROBOT)'
 
 studio: $(STAMP)  ## Start simulator, recorder, executor and the page to watch and drive them with
 	$(BIN)/python -m msrd_ros up studio 'robot:=$(ROBOT)'

@@ -63,6 +63,8 @@ EXAMPLES = ["box2d>=2.3.10", "gymnasium>=1.0", "pygame-ce>=2.4.0"]
 STUDIES = [*SIMULATION, *EXAMPLES, "gymnasium[mujoco]>=1.0", "mujoco>=3.2.7"]
 # viser wants websockets below 17, and is younger than all others: earlier versions cannot be kept private.
 STUDIO = [*SIMULATION, "aiohttp>=3.11.0", "trimesh>=4.4.0", "viser>=1.1.0", "websockets>=14.0,<17"]
+# The client is for ray:// addresses.
+RAY = ["ray[client]>=2.50.0"]
 DOCUMENTS = ["furo>=2024.8.6", "myst-parser>=4", "sphinx>=8"]
 
 setup(
@@ -117,9 +119,10 @@ setup(
         "minari": DATA_SETS,
         "lerobot": LEROBOT,
         "examples": EXAMPLES,
+        "ray": RAY,
         "studio": STUDIO,
         "docs": DOCUMENTS,
-        "all": [*ROS, *STUDIES, *DATA_SETS, *LEROBOT, *EXAMPLES, *STUDIO],
+        "all": [*ROS, *STUDIES, *DATA_SETS, *LEROBOT, *EXAMPLES, *RAY, *STUDIO],
         "test": [
             "build>=1.2.1",
             "colcon-common-extensions>=0.3",
@@ -128,6 +131,7 @@ setup(
             *DATA_SETS,
             *LEROBOT,
             *EXAMPLES,
+            *RAY,
             "mypy>=1.11",
             "packaging>=23",
             "playwright>=1.49.0",

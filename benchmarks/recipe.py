@@ -94,6 +94,10 @@ def _snapshots(share: float) -> Callable[[MSRDConfig], MSRDConfig]:
     return lambda config: replace(config, replay=replace(config.replay, snapshot_share=share))
 
 
+def _price(price: float) -> Callable[[MSRDConfig], MSRDConfig]:
+    return lambda config: replace(config, policy=replace(config.policy, reference_price=price))
+
+
 VARIANTS: dict[str, Callable[[MSRDConfig], MSRDConfig]] = {
     "default": lambda config: config,
     "without nearness": lambda config: replace(config, reward=replace(config.reward, nearness=0.0)),
@@ -108,6 +112,7 @@ VARIANTS: dict[str, Callable[[MSRDConfig], MSRDConfig]] = {
     "without log pi": lambda config: replace(
         config, discriminator=replace(config.discriminator, uses_log_prob=False)
     ),
+    "a nat away from the clone costs 1": _price(1.0),
     "the paper's loss": as_printed,
 }
 

@@ -24,6 +24,7 @@ sys.path[:0] = [str(CHECKOUT), str(CHECKOUT / "test" / "helpers")]
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 from made_up_policies import made_up_policies  # noqa: E402
+from msrd_ros.cluster.processes import Processes  # noqa: E402
 from msrd_ros.nodes.topic_rollouts import TopicCollector  # noqa: E402
 from msrd_ros.table_tennis.simulation.batched import (  # noqa: E402
     KinematicRallies,
@@ -32,7 +33,11 @@ from msrd_ros.table_tennis.simulation.batched import (  # noqa: E402
 )
 from msrd_ros.table_tennis.simulation.world import WorldConfig  # noqa: E402
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS  # noqa: E402
-from msrd_ros.table_tennis.strokes.rollouts import BulletPlayers, StrokeBatch  # noqa: E402
+from msrd_ros.table_tennis.strokes.rollouts import (  # noqa: E402
+    BALLS_PER_UNIT,
+    BulletPlayers,
+    StrokeBatch,
+)
 from stack import Stack  # noqa: E402
 
 DOMAIN_ID = 96
@@ -58,12 +63,12 @@ def batch(episodes: int, seed: int) -> StrokeBatch:
 def in_bullet(workers: Sequence[int], episodes: int) -> None:
     """Bullet in worker processes."""
     for count in workers:
-        players = BulletPlayers(count, WorldConfig())
-        players.play(batch(6, 0))
-        strokes = batch(episodes, 1)
-        name = f"Bullet in process, {count} worker{'s' if count > 1 else ''}"
-        report(name, len(strokes.strokes), lambda p=players, s=strokes: p.play(s))  # type: ignore[misc]
-        players.close()
+        with Processes(count) as processes:
+            players = BulletPlayers(processes, WorldConfig())
+            players.play(batch(BALLS_PER_UNIT * count, 0))
+            strokes = batch(episodes, 1)
+            name = f"Bullet in process, {count} worker{'s' if count > 1 else ''}"
+            report(name, len(strokes.strokes), lambda p=players, s=strokes: p.play(s))  # type: ignore[misc]
 
 
 def batched(threads: Sequence[int]) -> None:

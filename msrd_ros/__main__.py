@@ -33,6 +33,8 @@ EXECUTABLES: dict[str, Command] = {
     "trainer": Command("msrd_ros.nodes.trainer", "learn rewards and policies from bags"),
     "executor": Command("msrd_ros.nodes.executor", "play a learned strategy on the simulator or the robot"),
     "evaluator": Command("msrd_ros.nodes.evaluator", "feed balls to the executor and report how it played"),
+    "match": Command("msrd_ros.nodes.match", "two arms at one table in PyBullet, for rallies"),
+    "chooser": Command("msrd_ros.nodes.chooser", "name an arm's next strategy from where the ball comes"),
     "studio": Command("msrd_ros.studio.studio", "a page in the browser to watch and drive the stack with"),
     "reproduce": Command("msrd_ros.studies.reproduce", "run the paper's studies again"),
     "up": Command("msrd_ros.up.command", "start all that it takes to teach, play or train, or the demo"),
@@ -42,6 +44,9 @@ EXECUTABLES: dict[str, Command] = {
 COMMANDS: dict[str, Command] = {
     **EXECUTABLES,
     "plan": Command("msrd_ros.table_tennis.teachers.plan", "plan the six strokes for an arm"),
+    "aim": Command("msrd_ros.table_tennis.strokes.aim", "teach policies to land where they are told"),
+    "rally": Command("msrd_ros.rally.command", "two arms play each other: how long their rallies are"),
+    "learn-rally": Command("msrd_ros.rally.learn_command", "learn the policies of rallies"),
     "explain": Command("msrd_ros.explain.command", "what learned rewards say of a recorded stroke"),
     "doctor": Command("msrd_ros.stack.doctor", "look at the running stack: what keeps it from its work"),
 }
@@ -55,6 +60,8 @@ EXTRAS = {
     "stack": "ros,sim",
     "up": "ros,sim",
     "explain": "sim",
+    "table_tennis": "sim",
+    "rally": "sim",
     "studies": "studies",
 }
 """Extras of the installation that commands need, by the room that a command lives in."""

@@ -56,6 +56,7 @@ _GROUND = ROS | BULLET | TORCH | BAGS | DRAWING
 
 ROOMS = {
     "core": Room(set(), _GROUND),
+    "cluster": Room({"core"}, _GROUND),
     "robots": Room({"core"}, _GROUND),
     "contract": Room({"core", "robots"}, _GROUND),
     "bags": Room({"core", "robots", "contract"}, ROS | BULLET | TORCH | DRAWING),
@@ -73,10 +74,11 @@ ROOMS["table_tennis/teachers"] = Room(
     {*ROOMS["table_tennis/simulation"].below, "table_tennis/simulation"}, ROS | TORCH | BAGS | DRAWING
 )
 _TABLE = {*ROOMS["table_tennis/teachers"].below, "table_tennis/teachers"}
-ROOMS["table_tennis/strokes"] = Room({*_TABLE, "learning", "bags"}, ROS | DRAWING)
+ROOMS["table_tennis/strokes"] = Room({*_TABLE, "learning", "bags", "cluster"}, ROS | DRAWING)
 _ALL_BELOW = {*ROOMS["table_tennis/strokes"].below, "table_tennis/strokes"}
 ROOMS["recordings"] = Room(_ALL_BELOW, ROS | DRAWING)
 ROOMS["reports"] = Room(_ALL_BELOW, ROS | BAGS)
+ROOMS["rally"] = Room({*_ALL_BELOW, "reports"}, ROS | BAGS)
 ROOMS["explain"] = Room({*_ALL_BELOW, "recordings", "reports"}, ROS)
 ROOMS["nodes"] = Room({*_ALL_BELOW, "recordings"}, DRAWING)
 ROOMS["stack"] = Room({*ROOMS["nodes"].below, "nodes"}, DRAWING)

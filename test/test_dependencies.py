@@ -21,6 +21,7 @@ from processes import CHECKOUT, PACKAGE
 EXTRAS: dict[str, set[str]] = {
     "core": set(),
     "core/compiled.py": {"sim"},
+    "cluster": {"ray"},
     "contract": set(),
     "bags": set(),
     "learning": {"examples", "lerobot", "minari"},
@@ -29,6 +30,7 @@ EXTRAS: dict[str, set[str]] = {
     "recordings": {"lerobot", "minari"},
     "reports": {"sim"},
     "nodes": {"ros", "sim"},
+    "rally": {"sim"},
     "explain": {"sim"},
     "studio": {"ros", "sim", "studio"},
     "stack": {"ros", "sim"},
@@ -38,7 +40,7 @@ EXTRAS: dict[str, set[str]] = {
 }
 """Extras beside the base installation, by room, and by file where one has more than its room."""
 
-BASE_ROOMS = ("core", "contract", "bags", "learning", "recordings")
+BASE_ROOMS = ("core", "cluster", "contract", "bags", "learning", "recordings")
 NONE_OLDER = {"box2d", "colcon-common-extensions", "ros-jazzy-common-interfaces", "ros-jazzy-rclpy"}
 """Distributions of which the lock's version is the oldest with a wheel."""
 ELSEWHERE = {
@@ -159,7 +161,7 @@ def test_tests_and_benchmarks_import_what_make_venv_installs(
 def test_nothing_is_declared_in_vain(declared: dict[str, set[str]]) -> None:
     places = [CHECKOUT / PACKAGE, *(CHECKOUT / PACKAGE / name for name in EXTRAS if name.endswith(".py"))]
     used = {name for place in places for module, _ in imported(place) for name in distributions(module)}
-    asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari", "lerobot")))
+    asked = declared[""].union(*(declared[extra] for extra in ("sim", "studies", "minari", "lerobot", "ray")))
     # Gymnasium's own worlds are in "studies" as well; it is Gymnasium that imports what they stand on.
     assert asked - used - declared["examples"] == set()
 

@@ -8,11 +8,13 @@ from types import MappingProxyType
 from msrd_ros.contract.topics import CONTRACT, TopicFacts
 
 _BESIDE = (
+    TopicFacts("target", "geometry_msgs/msg/PointStamped", 1, latched=True),
     TopicFacts("joint_command", "trajectory_msgs/msg/JointTrajectory", 1),
     TopicFacts("teach/hand", "trajectory_msgs/msg/MultiDOFJointTrajectory", 1),
     TopicFacts("recorder/verdict", "diagnostic_msgs/msg/DiagnosticArray", 100),
     TopicFacts("policy", "std_msgs/msg/UInt8MultiArray", 1, latched=True),
     TopicFacts("training/progress", "diagnostic_msgs/msg/DiagnosticArray", 100),
+    TopicFacts("match/outcome", "diagnostic_msgs/msg/DiagnosticArray", 100),
     TopicFacts("scene", "visualization_msgs/msg/MarkerArray", 1),
     TopicFacts("/tf", "tf2_msgs/msg/TFMessage", 1000),
     TopicFacts("clock", "rosgraph_msgs/msg/Clock", 1),
@@ -28,7 +30,10 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "ball/position": "simulator or vision → all",
         "ball/odometry": "simulator; ground truth with spin, for judging only",
         "feed": "evaluator, demonstrator, studio, trainer, person → simulator",
-        "strategy": "person, demonstrator, studio, evaluator, trainer → executor, recorder, simulator",
+        "strategy": (
+            "person, demonstrator, studio, evaluator, trainer, chooser → executor, recorder, simulator, match"
+        ),
+        "target": "person, evaluator → executor, studio; where balls are to land",
         "rally/outcome": "simulator → recorder, evaluator, demonstrator, trainer; one per ball",
         "robot_description": "simulator → recorder, RViz, Foxglove",
         "/tf_static": "simulator → RViz, Foxglove (where tf2_msgs is installed)",
@@ -37,7 +42,8 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "recorder/verdict": "recorder → demonstrator, studio, serving trainer; kept, or why not",
         "policy": "trainer, studio → executor; safetensors bytes, swapped between strokes only",
         "training/progress": "trainer",
-        "scene": "simulator → RViz, Foxglove",
+        "match/outcome": "match; one per rally: its hits, and what ended it at which end",
+        "scene": "simulator; executor, the target → RViz, Foxglove",
         "/tf": "simulator → RViz, Foxglove (where tf2_msgs is installed)",
         "clock": "simulator or player → all; /clock outside a namespace",
         "/diagnostics": "every node, once a second",

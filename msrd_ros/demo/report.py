@@ -74,7 +74,8 @@ def write_report(out: Path, metrics: dict[str, Any], robot: Robot) -> None:
     report.heading("Where the returned balls landed, and how they spun")
     report.figure(
         _landing_map(evaluation["labels"], strategies),
-        "Seen from above, the robot on the left. Every returned ball's first bounce on the far half.",
+        "Seen from above, the robot on the left. Every returned ball's first bounce on the far half; a line "
+        "leads there from the target that its stroke was told.",
     )
     report.figure(
         spin_histograms(
@@ -147,9 +148,10 @@ def _write_rates(report: Report, rows: dict[str, Any]) -> None:
             ]
             for label, row in rows.items()
         ],
-        "Shares with Wilson 95 % intervals. Within 20 cm: of the demonstrations' mean landing point, of "
-        "returned balls. Feeds vary by ±3 % in speed, ±1.5° in elevation and yaw, ±20 rad/s in spin and "
-        "±2 cm sideways; the arm starts within 0.03 rad (standard deviation) of its ready pose.",
+        "Shares with Wilson 95 % intervals. Within 20 cm: of the target that each stroke was told, drawn "
+        "from all in its reach; of returned balls. Feeds vary by ±3 % in speed, ±1.5° in elevation and yaw, "
+        "±20 rad/s in spin and ±2 cm sideways; the arm starts within 0.03 rad (standard deviation) of its "
+        "ready pose.",
     )
     report.table(
         ["strategy", "what it does"],
@@ -220,7 +222,9 @@ def _landing_map(rates: dict[str, Any], strategies: list[Strategy]) -> Figure:
     for axes, (title, group) in zip(panels, grouped.items(), strict=True):
         _draw_table(axes)
         for strategy in group:
-            points = np.array(rates[str(strategy.label)]["landing_points"]).reshape(-1, 2)
+            row = rates[str(strategy.label)]
+            points, targets = (np.array(row[name]).reshape(-1, 2) for name in ("landing_points", "targets"))
+            axes.plot(*np.stack([targets, points]).T.swapaxes(1, 2), color=strategy.colour, linewidth=0.5)
             axes.scatter(
                 points[:, 0],
                 points[:, 1],

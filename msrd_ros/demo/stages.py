@@ -24,6 +24,9 @@ from msrd_ros.stack.stage_run import StageRun
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 
+ONE_BY_ONE = ("landing_points", "targets", "spins")
+"""Of an evaluation's figures, what it has of every ball."""
+
 
 class Demo:
     """Runs the stages one after the other.
@@ -62,7 +65,7 @@ class Demo:
         labels = {
             label: {
                 "demonstrations": training["demonstrations"][label],
-                **{key: value for key, value in rates.items() if key not in ("landing_points", "spins")},
+                **{key: value for key, value in rates.items() if key not in ONE_BY_ONE},
             }
             for label, rates in evaluation["labels"].items()
         }

@@ -21,6 +21,7 @@ from msrd_ros.core.files import write_atomically
 from msrd_ros.core.formats import renamed
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.method import Learner
+from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy import PREFIX, PolicySet, make_header, read_header
 from msrd_ros.learning.reward_files import restore_rewards
@@ -41,7 +42,11 @@ _RENAMED = {
     "corrections": "recovery_labels",
 }
 """Names of 0.1.0, and what they are called now."""
-_ADDED = {"reward": {"nearness": 0.0}, "replay": {"displaced_share": 0.0}}
+_ADDED = {
+    "reward": {"nearness": 0.0},
+    "replay": {"displaced_share": 0.0},
+    "policy": {"reference_price": 0.0},
+}
 """Settings that 0.1.0 did not have, and what it did."""
 
 
@@ -64,6 +69,24 @@ def export_policies(policies: Policies, layout: Layout, details: dict[str, Any] 
     for name in ("indices", "offset", "scale"):
         tensors[name] = getattr(policies.features, name).numpy().copy()
     return PolicySet(layout, tensors, details or {})
+
+
+def import_policies(policies: PolicySet) -> GaussianPolicies:
+    """Inverse of `export_policies`: policies that can be learned further, all of a set side by side."""
+    tensors = policies.tensors
+    features = Features(*(tuple(tensors[name].tolist()) for name in ("indices", "offset", "scale")))
+    weights = [
+        tensors[f"weight/{layer}"] for layer in range(sum(name.startswith("weight/") for name in tensors))
+    ]
+    hidden, actions = tuple(weight.shape[2] for weight in weights[:-1]), weights[-1].shape[2]
+    bounds = float(tensors["log_std"].min()), float(tensors["log_std"].max())
+    found = GaussianPolicies(len(weights[0]), features, actions, hidden, 0.0, *bounds, torch.Generator())
+    with torch.no_grad():
+        found.log_std.copy_(torch.as_tensor(tensors["log_std"]))
+        for layer, weight in enumerate(weights):
+            found.network.weights[layer].copy_(torch.as_tensor(weight))
+            found.network.biases[layer].copy_(torch.as_tensor(tensors[f"bias/{layer}"]))
+    return found
 
 
 def save_checkpoint(path: Path, trainer: Learner, metrics: dict[str, float] | None = None) -> None:

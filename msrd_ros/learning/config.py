@@ -247,6 +247,8 @@ class PolicyConfig:
         Widths of the hidden layers.
     std, std_min, std_max
         Standard deviation at the start, and its bounds.
+    reference_price
+        What a nat away from the policies that cloning left costs (see `ReferencePolicy`; 0 is the paper).
     features
         What policies and value functions see.
     """
@@ -255,6 +257,7 @@ class PolicyConfig:
     std: float = 0.2
     std_min: float = 0.1
     std_max: float = 1.0
+    reference_price: float = 0.0
     features: FeatureConfig = field(default_factory=FeatureConfig)
 
 

@@ -20,6 +20,7 @@ from msrd_ros.learning.displaced import Displacement
 from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
 from msrd_ros.learning.policy_improvement import PolicyImprovement
+from msrd_ros.learning.reference_policy import ReferencePolicy
 from msrd_ros.learning.replay import DemonstrationPool, Replay
 from msrd_ros.learning.reward_training import Negatives, RewardTraining, used_log_prob
 from msrd_ros.learning.rewards import AveragedRewards, Nearness, RewardModel
@@ -123,6 +124,7 @@ class MSRD:
         capacity = min(capacity, config.replay.keep * config.iterations)
         self._replay = Replay(strategies, capacity, *widths)
         self._snapshots: Transitions | None = None
+        self._reference = ReferencePolicy(self.policies, config.policy.reference_price)
 
     @property
     def progress(self) -> float:
@@ -164,6 +166,7 @@ class MSRD:
                     play_snapshot(collector)
             self.policies.log_std.copy_(explored)
         self._snapshots = Transitions.join(played) if played else None
+        self._reference = ReferencePolicy(self.policies, self.config.policy.reference_price)
         return {"cloning_error": float(error.mean())}
 
     def iterate(self) -> dict[str, float]:
@@ -233,6 +236,8 @@ class MSRD:
         reward: Tensor = self.rewards(generated).combined
         if self.config.policy_reward is PolicyReward.LOGIT:
             reward = reward - generated.log_prob
+        if self._reference.price:
+            reward = reward - self._reference.cost(generated, self.policies)
         return reward
 
     def _collect(self, episodes: int, collector: Collector) -> Rollouts:
@@ -285,6 +290,7 @@ class MSRD:
             "snapshots": None if self._snapshots is None else self._snapshots.packed,
             "torch_generator": self._generator.get_state(),
             "numpy_generator": self._rng.bit_generator.state,
+            "reference": self._reference.state_dict() if self._reference.price else None,
             "iterations_done": self.iterations_done,
             "environment_steps": self.environment_steps,
         }
@@ -301,6 +307,8 @@ class MSRD:
         snapshots = state["snapshots"]
         widths = (len(self.layout.observation_names), len(self.layout.action_names))
         self._snapshots = None if snapshots is None else Transitions(snapshots, *widths)
+        if self._reference.price:
+            self._reference.load_state_dict(state["reference"])
         self._generator.set_state(state["torch_generator"])
         self._rng.bit_generator.state = state["numpy_generator"]
         self.iterations_done = int(state["iterations_done"])

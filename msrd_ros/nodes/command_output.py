@@ -7,13 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from builtin_interfaces.msg import Time as Stamp
 from rclpy.node import Node
-from rclpy.time import Time
 from trajectory_msgs.msg import JointTrajectory
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.nodes.common import COMMAND
-from msrd_ros.nodes.messages import points_to_message
+from msrd_ros.nodes.messages import points_to_message, to_stamp
 from msrd_ros.robots.command_gate import CommandGate, command_points
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.robot import Robot
@@ -75,7 +74,7 @@ class CommandOutput:
         """
         points = command_points(self._robot, reference, CONTROL_PERIOD_S)
         self._gate.require(points)
-        stamp = Time(nanoseconds=time_ns).to_msg() if self._lockstep else Stamp()
+        stamp = to_stamp(time_ns) if self._lockstep else Stamp()
         self._message = points_to_message(self._robot, points, label, stamp)
         self.sent += 1
         self.sent_s = self._now_s()

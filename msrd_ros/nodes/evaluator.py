@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from std_msgs.msg import Header
 from tqdm import tqdm
 from trajectory_msgs.msg import JointTrajectory
@@ -35,6 +36,7 @@ from msrd_ros.nodes.messages import feed_to_message, strategy_message
 from msrd_ros.nodes.polled import PolledTopic
 from msrd_ros.nodes.sources import FORGET_S
 from msrd_ros.nodes.speakers import START_UP_S, Speakers
+from msrd_ros.nodes.target_teller import TargetTeller
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.feeder import EVALUATION_STREAM, SPREADS, Feeder
 from msrd_ros.table_tennis.strategies.table import (
@@ -63,6 +65,10 @@ class EvaluatorConfig:
     seed: int = parameter(0, "Seed of the feeds", low=0)
     spread: str = parameter("standard", "Spread of the feeds", choices=tuple(SPREADS))
     checkpoint: str = parameter("", "Policy set whose demonstrations' landing points are aimed at")
+    targets: bool = parameter(
+        False,
+        "Tell each ball's stroke another place in reach to land at; needs a checkpoint",
+    )
     report: str = parameter("", "JSON file to write; empty: none")
     timeout_s: float = parameter(
         60.0, "How long to wait for simulator, executor and each outcome", unit="s", low=0.5, high=600.0
@@ -94,6 +100,9 @@ class Evaluator(StackNode):
         self._begun_s = self._commanded_s = time.monotonic()
         self._strategy = self.create_publisher(Header, "strategy", LATCHED)
         self._feed = self.create_publisher(Odometry, "feed", EVENT)
+        self._teller: TargetTeller | None = None
+        if self.config.targets:
+            self._teller = TargetTeller(self, labels, self._facts, self.config.seed)
         hear(self, DiagnosticArray, "rally/outcome", self._on_outcome, EVENT)
         # Only whose it is counts, and one a tick: to take each would slow down those who answer the ticks.
         self._command = PolledTopic(self, JointTrajectory, "joint_command")
@@ -150,6 +159,8 @@ class Evaluator(StackNode):
 
     def _ask(self) -> None:
         self._strategy.publish(strategy_message(self._label, self.get_clock().now().to_msg()))
+        if self._teller is not None:
+            self._teller.tell(self._label)
         self._waiting_for, self._since_s = "command", time.monotonic()
 
     def _look_at_command(self) -> None:
@@ -165,6 +176,8 @@ class Evaluator(StackNode):
             return
         if not self._measures_one():
             self._since_s = time.monotonic()  # the executor has answered; it is not what is waited for
+            return
+        if self._teller is not None and not self._teller.is_heard:
             return
         feed = Feeder().sample(self._side(self._label), SPREADS[self.config.spread], self._rng)
         self._feed.publish(feed_to_message(feed))
@@ -248,6 +261,12 @@ class Evaluator(StackNode):
             f"the executor does not take up strategy {self._label}; check its checkpoint and its log"
         )
 
+    def _aimed_at(self, label: StrategyLabel) -> NDArray[np.float64] | None:
+        """Where balls were to land: each its own place, or all the same."""
+        if self._teller is not None:
+            return np.array(self._teller.targets[label])
+        return self._facts[label].landing_point if label in self._facts else None
+
     def _domain(self) -> int:
         return int(self.context.get_domain_id())
 
@@ -256,13 +275,10 @@ class Evaluator(StackNode):
             self._waiting_for, self._since_s = "report", time.monotonic()
             return
         self._progress.close()
+        if self._teller is not None:
+            self._teller.take_back()
         rates = {
-            str(label): LabelRates.of(
-                label,
-                outcomes,
-                self._facts[label].landing_point if label in self._facts else None,
-                self._strategies,
-            )
+            str(label): LabelRates.of(label, outcomes, self._aimed_at(label), self._strategies)
             for label, outcomes in self._outcomes.items()
         }
         described = {

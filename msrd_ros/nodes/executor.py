@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from geometry_msgs.msg import PointStamped
 from numpy.typing import NDArray
 from std_msgs.msg import Header, UInt8MultiArray
 from std_srvs.srv import SetBool
+from visualization_msgs.msg import MarkerArray
 
 from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.contract.labels import StrategyLabel
@@ -17,9 +19,11 @@ from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.command_output import CommandOutput
-from msrd_ros.nodes.common import SIDE_OF, robot_parameter, run, steady_timer
+from msrd_ros.nodes.common import COMMAND, SIDE_OF, robot_parameter, run, steady_timer
 from msrd_ros.nodes.latched import hear_latched
 from msrd_ros.nodes.managed import ManagedNode, autostart_parameter
+from msrd_ros.nodes.messages import target_from_message
+from msrd_ros.nodes.scene_markers import target_markers
 from msrd_ros.nodes.speakers import SoleSpeaker
 from msrd_ros.nodes.tick_inputs import TickInput, TickInputs
 from msrd_ros.robots.limits import JointReference
@@ -30,10 +34,13 @@ from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.exchange import PolicyExchange
 from msrd_ros.table_tennis.strokes.player import TRACKING_TOLERANCE_RAD, Phase, StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strokes.reach import say_point
 
 RESUME_S = 0.5
 """In real time an arm that rests and was not commanded for so long may have been moved by others since."""
 PERIOD_NS = round(CONTROL_PERIOD_S * NANOSECONDS)
+SHOW_PERIOD_S = 1.0
+"""Between two markers of the same target."""
 SOONEST = 0.9
 """Share of the control period that passes at least between two commands."""
 SOONEST_ARRIVAL = 0.5
@@ -79,6 +86,9 @@ class ExecutorConfig:
         unit="rad",
         low=0.01,
         high=1.0,
+    )
+    in_rally: bool = parameter(
+        False, "Balls come back: a stroke ends with its ball, and the arm makes for the next one at once"
     )
     autostart: bool = autostart_parameter()
 
@@ -137,6 +147,9 @@ class Executor(ManagedNode):
         )
         hear_latched(self, Header, "strategy", self._on_strategy)
         hear_latched(self, UInt8MultiArray, "policy", self._on_policy)
+        hear_latched(self, PointStamped, "target", self._on_target)
+        self._scene = self.create_publisher(MarkerArray, "scene", COMMAND)
+        steady_timer(self, SHOW_PERIOD_S, self._show_target)
         self.create_service(SetBool, "~/enable", self._on_enable)
         remedy = "stop it first, or start this executor in a namespace of its own"
         self._alone = SoleSpeaker(self, "joint_command", "commands", remedy)
@@ -154,6 +167,8 @@ class Executor(ManagedNode):
             "enabled": self.config.enabled,
             "gives_way": self.gives_way,
             "strategy": self._exchange.strategy or "",
+            "target": "" if self._exchange.target is None else say_point(self._exchange.target),
+            "target_refused": self._exchange.refusal,
             "policies": self._exchange.digest,
             "commands": self._output.sent,
             **self._counts,
@@ -197,6 +212,13 @@ class Executor(ManagedNode):
                 raise UserError(f"topic policy: layout.dim[0].label is {layout!r}, wanted is 'safetensors'")
             self._exchange.arriving = StrokePolicies.from_bytes(data, "topic policy", self._robot)
         except UserError as error:
+            self._refuse(error)
+
+    def _on_target(self, message: PointStamped) -> None:
+        try:
+            self._exchange.aim(target_from_message(message))
+        except UserError as error:
+            self._exchange.aim(None, str(error))
             self._refuse(error)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -274,7 +296,8 @@ class Executor(ManagedNode):
     def _follow(self, position: NDArray[np.float64]) -> StrokePlayer:
         """The player; led back to where the arm is if that has strayed from its command."""
         if self._player is None:
-            self._player = StrokePlayer(self._robot, position, self.config.tracking_tolerance_rad)
+            config = self.config
+            self._player = StrokePlayer(self._robot, position, config.tracking_tolerance_rad, config.in_rally)
         player = self._player
         if self._has_paused(player):
             player.begin_at(position)
@@ -306,11 +329,22 @@ class Executor(ManagedNode):
             self._counts["swaps"] += 1
             # At once: a trainer that rolls out over topics waits for its policies to be in force.
             self.publish_diagnostics()
+        aimed_at, refusal = self._exchange.target, self._exchange.refusal
         try:
             if self._exchange.prepare(player, swapped) and self.config.estimate_ball:
                 self._ball_filter = BallFilter(self.config.camera_noise_m)
         except UserError as error:
             self._refuse(error)
+        if self._exchange.refusal not in ("", refusal):
+            self._refuse(UserError(self._exchange.refusal))
+        if self._exchange.target is not aimed_at:
+            self.publish_diagnostics()  # who measures how targets are hit waits for it
+            self._scene.publish(target_markers(self._exchange.target))
+
+    def _show_target(self) -> None:
+        """Again and again, for those who begin to look later."""
+        if self._exchange.target is not None and self._scene.get_subscription_count():
+            self._scene.publish(target_markers(self._exchange.target))
 
     def _send(self, reference: JointReference, time_ns: int) -> None:
         """Send a command, or one that brakes if it does not pass the gate."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.time import Time
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from msrd_ros.nodes.common import COMMAND
-from msrd_ros.nodes.messages import gesture_to_message, released_hand
+from msrd_ros.nodes.messages import gesture_to_message, released_hand, to_stamp
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.robot import Robot
 from msrd_ros.robots.rotations import quaternion_from_rotation
@@ -39,7 +38,7 @@ class HandOutput:
 
     def send(self, gesture: HandGesture | None, joint_position: NDArray[np.float64], time_ns: int) -> None:
         """Say where the hand is, the joints being at (N,) rad; None: it does not hold the paddle."""
-        stamp = Time(nanoseconds=time_ns).to_msg()
+        stamp = to_stamp(time_ns)
         if gesture is None and self._holds:
             # A hand that only falls silent goes on for a while as it was.
             centre, rotation = paddle_pose(self._robot.model, joint_position)

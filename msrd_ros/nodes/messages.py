@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Transform, Twist, Vector3
+from geometry_msgs.msg import PointStamped, Transform, Twist, Vector3
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, MultiArrayDimension, UInt8MultiArray
 from trajectory_msgs.msg import (
     JointTrajectory,
@@ -28,7 +30,10 @@ from msrd_ros.robots.command_gate import Waypoint, command_points
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feed
+from msrd_ros.table_tennis.ball.scene import Table
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
+from msrd_ros.table_tennis.simulation.world import Tick
+from msrd_ros.table_tennis.strokes.reach import require_on_table
 
 WORLD = "world"
 PADDLE = "paddle"
@@ -65,6 +70,65 @@ def feed_from_message(message: Odometry) -> Feed:
     if not np.isfinite(state).all():
         raise UserError(f"topic feed: {state.tolist()} is not finite; give position, velocity and spin in SI")
     return Feed.from_state(state)
+
+
+def to_stamp(time_ns: int) -> Any:
+    """Nanoseconds as builtin_interfaces/Time."""
+    return Time(nanoseconds=time_ns).to_msg()
+
+
+def ball_of_tick(tick: Tick) -> PointStamped:
+    """What is seen of the ball."""
+    message = PointStamped()
+    message.header.frame_id = WORLD
+    message.header.stamp = to_stamp(tick.ball_stamp_ns)
+    message.point.x, message.point.y, message.point.z = map(float, tick.ball_position)
+    return message
+
+
+def joints_of_tick(tick: Tick, robot: Robot) -> JointState:
+    """State of an arm's joints, under the strategy of the ball in play."""
+    message = JointState(
+        name=list(robot.joint_names),
+        position=tick.joint_position.tolist(),
+        velocity=tick.joint_velocity.tolist(),
+        effort=tick.joint_effort.tolist(),
+    )
+    message.header.stamp = to_stamp(tick.time_ns)
+    message.header.frame_id = str(tick.label or "")
+    return message
+
+
+def target_to_message(target: NDArray[np.float64] | None, stamp: Any) -> PointStamped:
+    """Where a ball is to land, (2,), m, on the table; None takes a target back."""
+    message = PointStamped()
+    message.header.stamp = stamp
+    if target is not None:
+        message.header.frame_id = WORLD
+        message.point.x, message.point.y = map(float, target)
+        message.point.z = Table().height_m
+    return message
+
+
+def target_from_message(message: PointStamped) -> NDArray[np.float64] | None:
+    """Read where a ball is to land: (2,), m; None takes a target back. How high the point is does not count.
+
+    Raises
+    ------
+    UserError
+        If it is in another frame, not finite, or not on the far half of the table.
+    """
+    where, frame = "topic target", message.header.frame_id
+    if not frame:
+        return None
+    if frame != WORLD:
+        raise UserError(
+            f"{where}: frame {frame!r} is unknown; give the point in frame {WORLD!r}, or no frame to take a "
+            "target back"
+        )
+    target = np.array([message.point.x, message.point.y])
+    require_on_table(target, where)
+    return target
 
 
 class Command(NamedTuple):

@@ -16,7 +16,18 @@ from typing import Any
 from msrd_ros.core.parameters import ParameterFacts
 from msrd_ros.core.resources import share_directory
 
-NODES = ("simulator", "demonstrator", "recorder", "player", "trainer", "executor", "evaluator", "studio")
+NODES = (
+    "simulator",
+    "demonstrator",
+    "recorder",
+    "player",
+    "trainer",
+    "executor",
+    "evaluator",
+    "match",
+    "chooser",
+    "studio",
+)
 ROOMS = {"studio": "studio"}
 """Of the nodes that do not live in room `nodes`."""
 WIDTH = 96

@@ -16,6 +16,8 @@ from msrd_ros.table_tennis.ball.scene import Scene
 
 TABLE_BLUE = ColorRGBA(r=0.05, g=0.22, b=0.45, a=1.0)
 NET_WHITE = ColorRGBA(r=0.9, g=0.9, b=0.9, a=0.6)
+TARGET_GREEN = ColorRGBA(r=0.1, g=0.75, b=0.3, a=0.9)
+TARGET_DIAMETER_M = 0.2
 BALL_ORANGE = ColorRGBA(r=1.0, g=0.5, b=0.0, a=1.0)
 
 
@@ -45,6 +47,19 @@ def scene_markers(scene: Scene, ball: NDArray[np.float64], path: list[NDArray[np
         line.points = [Point(x=float(p[0]), y=float(p[1]), z=float(p[2])) for p in path]
         markers.append(line)
     return MarkerArray(markers=markers)
+
+
+def target_markers(target: NDArray[np.float64] | None) -> MarkerArray:
+    """The target of the next stroke (2,), m, as a disc on the table; None takes it away."""
+    table = Scene().table
+    size = (TARGET_DIAMETER_M, TARGET_DIAMETER_M, 0.004)
+    disc = _marker("target", 4, Marker.CYLINDER, size, TARGET_GREEN)
+    disc.pose.position.z = table.height_m
+    if target is None:
+        disc.action = Marker.DELETE
+    else:
+        disc.pose.position.x, disc.pose.position.y = map(float, target)
+    return MarkerArray(markers=[disc])
 
 
 def transform_stamped(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,13 @@ from std_msgs.msg import UInt8MultiArray
 from std_srvs.srv import Trigger
 
 from msrd_ros.bags.reader import Bag
+from msrd_ros.cluster.on_ray import ADDRESS_VARIABLE
+from msrd_ros.cluster.places import LOCAL, RAY, Place
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, Episode
 from msrd_ros.contract.labels import StrategyLabel, say_label
 from msrd_ros.contract.topics import parse_topic_names
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.files import write_atomically
 from msrd_ros.core.parameters import parameter
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.harness import CHECKPOINT_FILE, RESULT_FILE, Schedule
@@ -48,6 +51,7 @@ from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.world import WorldConfig
 from msrd_ros.table_tennis.strategies.table import STRATEGIES_HELP, Strategies
+from msrd_ros.table_tennis.strokes.aiming import AimingConfig, aim
 from msrd_ros.table_tennis.strokes.discovery import (
     STRATEGIES_FILE,
     SortedStrokes,
@@ -153,10 +157,16 @@ class TrainerConfig:
     )
     rollouts: str = parameter(
         "batched",
-        "Where policies are played: batched simulator, Bullet in workers, or simulator and executor nodes",
-        choices=("batched", "bullet", "topics"),
+        "Where policies are played: batched simulator, Bullet in processes or on Ray, or simulator and "
+        f"executor nodes; Ray is the cluster that {ADDRESS_VARIABLE} names, else one of this machine alone",
+        choices=("batched", "bullet", "ray", "topics"),
     )
-    workers: int = parameter(2, "Threads of the batched simulator, or Bullet processes", low=1, high=256)
+    workers: int = parameter(
+        2,
+        "Threads of the batched simulator, Bullet processes, or processors of a Ray of this machine alone",
+        low=1,
+        high=256,
+    )
     torch_threads: int = parameter(
         1, "Threads of torch; more only make small networks wait for each other", low=1, high=256
     )
@@ -167,6 +177,10 @@ class TrainerConfig:
         200, "Balls per strategy in an evaluation", low=1, high=10_000, former="rehearse_balls"
     )
     checkpoint_every: int = parameter(25, "Iterations between checkpoints; 0: only at the end", low=0)
+    targets: bool = parameter(
+        False,
+        "In the end teach the policies to land their balls where topic target says, from their own rollouts",
+    )
     serve: bool = parameter(
         False,
         "Run on after training: recognise or learn every stroke that the recorder keeps, and publish the "
@@ -174,6 +188,11 @@ class TrainerConfig:
     )
     timeout_s: float = parameter(60.0, "topics: longest wait for one stroke", unit="s", low=1.0, high=3600.0)
     autostart: bool = autostart_parameter()
+
+    def __post_init__(self) -> None:
+        """Refuse what would have no effect."""
+        if self.targets and self.serve:
+            raise UserError("parameters targets and serve: newcomers take no target; set one of them alone")
 
 
 class Trainer(ManagedNode):
@@ -340,8 +359,22 @@ class Trainer(ManagedNode):
             self.get_logger().info(f"goes on from iteration {harness.resume()} of {self._out}")
         self._began = True
         self._training = training
-        self._run = TrainingThread(harness)
+        self._run = TrainingThread(harness, self._learn_targets if config.targets else None)
         self._held.callback(self._run.close)
+
+    def _learn_targets(self, look: Callable[[], None]) -> None:
+        """Write and publish policies that take a target, in place of those that take none."""
+        config = self.config
+        settings = AimingConfig(
+            seed=config.seed,
+            spread=config.spread,
+            ready_noise_rad=config.ready_noise_rad,
+            camera_noise_m=config.camera_noise_m,
+            threads=config.workers,
+        )
+        aimed = aim(self._present_policies(), settings, self.get_logger().info, look)
+        write_atomically(self._out / POLICIES_FILE, aimed.to_bytes())
+        self._publish_policies(aimed)
 
     def _sort(self) -> None:
         """Find the strategies of what was gathered; a run that goes on finds the same ones."""
@@ -363,11 +396,10 @@ class Trainer(ManagedNode):
 
     def _make_collector(self) -> Collector | None:
         config = self.config
-        if config.rollouts == "bullet":
-            players = BulletPlayers(
-                config.workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed)
-            )
-            self._held.callback(players.close)
+        if config.rollouts in ("bullet", RAY):
+            place = Place.parse(RAY if config.rollouts == RAY else LOCAL, "parameter rollouts of trainer")
+            workers = self._held.enter_context(place.open(config.workers))
+            players = BulletPlayers(workers, WorldConfig(RallyConfig(robot=self._robot), seed=config.seed))
             return BulletCollector(players, self._present_policies, config.spread, config.ready_noise_rad)
         if config.rollouts == "topics":
             return TopicCollector(

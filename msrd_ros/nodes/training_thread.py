@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 from msrd_ros.learning.harness import Harness
+
+
+class Stopped(Exception):  # noqa: N818 - a wish, not an error
+    """Raised where work goes on that is not wanted any more."""
 
 
 class TrainingThread:
@@ -14,6 +19,9 @@ class TrainingThread:
     ----------
     harness
         What is run. Its events pause it, stop it and ask for checkpoints.
+    afterwards
+        Done once the harness has run to its end, unless it was stopped; None: nothing. Is given something to
+        call from time to time, which raises `Stopped` if the run was stopped.
 
     Attributes
     ----------
@@ -21,8 +29,10 @@ class TrainingThread:
         What the run ended with, for the thread that looks after it to raise; None while all is well.
     """
 
-    def __init__(self, harness: Harness) -> None:
-        self.harness = harness
+    def __init__(
+        self, harness: Harness, afterwards: Callable[[Callable[[], None]], None] | None = None
+    ) -> None:
+        self.harness, self._afterwards = harness, afterwards
         self.failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="training")
         self._thread.start()
@@ -49,5 +59,14 @@ class TrainingThread:
     def _run(self) -> None:
         try:
             self.harness.run()
+            if self._afterwards is not None:
+                self._look()
+                self._afterwards(self._look)
+        except Stopped:
+            pass  # what was learned by then is kept
         except BaseException as error:  # handed on to the main thread, which raises it
             self.failure = error
+
+    def _look(self) -> None:
+        if self.harness.stop.is_set():
+            raise Stopped

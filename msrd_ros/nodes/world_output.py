@@ -10,7 +10,6 @@ from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -21,7 +20,13 @@ from msrd_ros.contract.outcome import Outcome
 from msrd_ros.contract.translation import NANOSECONDS
 from msrd_ros.nodes.common import COMMAND, EVENT, LATCHED, STATE
 from msrd_ros.nodes.frames import FramePublisher
-from msrd_ros.nodes.messages import WORLD, feed_to_message, outcome_to_message
+from msrd_ros.nodes.messages import (
+    ball_of_tick,
+    feed_to_message,
+    joints_of_tick,
+    outcome_to_message,
+    to_stamp,
+)
 from msrd_ros.nodes.scene_markers import scene_markers
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import Feed
@@ -60,29 +65,17 @@ class WorldOutput:
     def publish_tick(self, show: bool) -> None:
         """Publish the present tick; `show` also makes pictures."""
         tick = self._world.tick()
-        stamp = _stamp(tick.time_ns)
+        stamp = to_stamp(tick.time_ns)
         self._clock.publish(ClockMessage(clock=stamp))
         # The ball before the joints: whoever waits for both is then ready with the second.
-        ball = PointStamped()
-        ball.header.frame_id = WORLD
-        ball.header.stamp = _stamp(tick.ball_stamp_ns)
-        ball.point.x, ball.point.y, ball.point.z = map(float, tick.ball_position)
-        self._ball.publish(ball)
+        self._ball.publish(ball_of_tick(tick))
         if show and tick.time_ns - self._shown_ns >= SHOW_PERIOD_S * NANOSECONDS:
             self._show(tick, stamp)
-        state = JointState(
-            name=list(self._robot.joint_names),
-            position=tick.joint_position.tolist(),
-            velocity=tick.joint_velocity.tolist(),
-            effort=tick.joint_effort.tolist(),
-        )
-        state.header.stamp = stamp
-        state.header.frame_id = str(tick.label or "")
-        self._joint_states.publish(state)
+        self._joint_states.publish(joints_of_tick(tick, self._robot))
 
     def publish_outcome(self, label: StrategyLabel | None, outcome: Outcome) -> None:
         """Tell what became of a ball, now."""
-        self._outcome.publish(outcome_to_message(outcome, label, _stamp(self._world.time_ns)))
+        self._outcome.publish(outcome_to_message(outcome, label, to_stamp(self._world.time_ns)))
         self._path = []
 
     def _show(self, tick: Tick, stamp: Any) -> None:
@@ -95,7 +88,3 @@ class WorldOutput:
         if self._scene.get_subscription_count():
             self._path.append(ball[:3].copy())
             self._scene.publish(scene_markers(self._world.config.rally.scene, ball[:3], self._path))
-
-
-def _stamp(time_ns: int) -> Any:
-    return Time(nanoseconds=time_ns).to_msg()

@@ -49,6 +49,7 @@ def _start(context: Any, chosen: NodeSet) -> list[Any]:
 
 
 def _node(call: NodeCall, options: RosOptions, respawn: bool) -> Any:
+    options = options.within(call.namespace)
     files = [options.params_file] if options.params_file else []
 
     def on_exit(event: Any, context: Any) -> list[Any]:
@@ -56,7 +57,7 @@ def _node(call: NodeCall, options: RosOptions, respawn: bool) -> Any:
         is_done = call.part is not Part.STAYS and event.returncode == 0
         if (call.part is Part.FINISHES and is_done) or (respawn and not is_done):
             return []
-        return [Shutdown(reason=f"{call.executable} ended with exit status {event.returncode}")]
+        return [Shutdown(reason=f"{call.label} ended with exit status {event.returncode}")]
 
     return Node(
         package=PACKAGE,

@@ -78,7 +78,8 @@ class NodeProcess:
         self._output = output
         self._reader: threading.Thread | None = None
         self._started_s = time.monotonic()
-        command = [sys.executable, "-m", "msrd_ros", name, *ros_arguments(parameters, options)]
+        executable = name.rpartition("/")[2]
+        command = [sys.executable, "-m", "msrd_ros", executable, *ros_arguments(parameters, options)]
         variables = {**environment, STARTED_BY: str(os.getpid())}
         with contextlib.ExitStack() as stack:
             target: Any = None

@@ -33,6 +33,10 @@ REMAPPINGS = (("/clock", "clock"), ("/tf", "tf"), ("/tf_static", "tf_static"))
 """Each namespace has a clock and frames of its own; without a namespace these change nothing."""
 
 POLICIES_FILE = "policies.safetensors"
+RALLY_POLICIES_FILE = "rally.safetensors"
+"""Policies of an arm that learned from balls of rallies."""
+ENDS = ("near", "far")
+"""Namespaces of the two arms of a match; `ball.ends` has their frames."""
 
 
 class Part(Enum):
@@ -50,6 +54,13 @@ class NodeCall:
     executable: str
     parameters: dict[str, Value] = field(default_factory=dict)
     part: Part = Part.STAYS
+    namespace: str = ""
+    """Within that of its set."""
+
+    @property
+    def label(self) -> str:
+        """Its name for people: with its namespace, where it has one of its own."""
+        return f"{self.namespace}/{self.executable}" if self.namespace else self.executable
 
     def having(self, **parameters: Value) -> NodeCall:
         """The same with further parameters."""
@@ -77,6 +88,10 @@ class RosOptions:
     def of(cls, values: Values) -> RosOptions:
         """From the arguments of a set."""
         return cls(*(values.text(name) for name in ("namespace", "params_file", "log_level")))
+
+    def within(self, namespace: str) -> RosOptions:
+        """The same for a node in a namespace within this one."""
+        return replace(self, namespace=f"{self.namespace}/{namespace}") if namespace else self
 
     def log_words(self, node: str) -> list[str]:
         """ROS arguments for the level of a node's own log: everybody's would let the middleware speak."""
@@ -222,6 +237,7 @@ def _demo(values: Values) -> tuple[Stage, ...]:
         "idle_start_s": 15.0,
         "out": str(training),
         "seed": seed,
+        "targets": True,
     }
     player: dict[str, Value] = {"bags": [bags], "rate": 0.0, "max_messages_per_s": 1500.0}
     kept: dict[str, Value] = {**robot, "directory": str(out / "played"), "subject": "robot", "keep": "all"}
@@ -238,7 +254,7 @@ def _demo(values: Values) -> tuple[Stage, ...]:
                 NodeCall("player", player, Part.FINISHES),
             ),
         ),
-        replace(play, nodes=(simulator.having(seed=seed + 1), executor, evaluator)),
+        replace(play, nodes=(simulator.having(seed=seed + 1), executor, evaluator.having(targets=True))),
         Stage(
             "film",
             "Film one stroke of each",
@@ -281,6 +297,24 @@ def _studio(values: Values) -> tuple[Stage, ...]:
     )
 
 
+def _rally(values: Values) -> tuple[Stage, ...]:
+    robot = values.pick("robot")
+    arm = values.text("robot") or DEFAULT_ROBOT
+    checkpoint = values.text("checkpoint") or _kept_with(arm, RALLY_POLICIES_FILE)
+    if not checkpoint:
+        raise UserError(
+            f"rally: no policies for rallies come with {arm}; give checkpoint:=FILE, or learn them with "
+            "python -m msrd_ros learn-rally"
+        )
+    played: dict[str, Value] = {**robot, "checkpoint": checkpoint}
+    nodes = [NodeCall("match", {**robot, **values.pick("rallies", "most_hits", "report", "seed")}, Part.ENDS)]
+    for number, end in enumerate(ENDS):
+        executor = NodeCall("executor", {**played, "in_rally": True, "accept_policy": False}, namespace=end)
+        chooser = NodeCall("chooser", {**played, "seed": 2 * values.number("seed") + number}, namespace=end)
+        nodes += [executor, chooser]
+    return (Stage("rally", "Two arms play each other", tuple(nodes)),)
+
+
 def _policies_of(robot: str) -> str:
     """Policies of an arm: those of its last demo here, else those kept with it, else none."""
     demo = Path("out/demo")
@@ -289,8 +323,13 @@ def _policies_of(robot: str) -> str:
         learned = demo / "training" / POLICIES_FILE
         if metrics["robot"] == Path(robot).name and learned.is_file():
             return str(learned)
+    return _kept_with(robot, POLICIES_FILE)
+
+
+def _kept_with(robot: str, name: str) -> str:
+    """A file beside an arm's description; empty if there is none."""
     places = (Path(robot), share_directory() / "config" / "robots" / robot)
-    return next((str(place / POLICIES_FILE) for place in places if (place / POLICIES_FILE).is_file()), "")
+    return next((str(place / name) for place in places if (place / name).is_file()), "")
 
 
 def _bags(values: Values) -> str:
@@ -438,6 +477,28 @@ SETS = {
             ),
             _studio,
             _bags,
+        ),
+        NodeSet(
+            "rally",
+            "two arms at one table play each other",
+            (
+                Argument(
+                    "checkpoint",
+                    "Policies of both arms",
+                    unset="those for rallies that come with the arm",
+                    read=as_file,
+                ),
+                _ROBOT,
+                Argument("rallies", "Rallies to play; 0 waits for match/serve", "10", read=as_count(0)),
+                Argument("most_hits", "A rally is cut off after so many hits", "1000", read=as_count(1)),
+                Argument(
+                    "report", "JSON file for the lengths of rallies", unset="none is written", read=as_path
+                ),
+                Argument("seed", "Everything random follows from it", "0", read=as_count(0)),
+                *_COMMON,
+            ),
+            _rally,
+            _report,
         ),
         NodeSet(
             "demo",

@@ -112,7 +112,7 @@ class StageRun:
         return self
 
     def __exit__(self, *_: object) -> None:
-        names = [node.call.executable for node in reversed(self._nodes) if node.process.exit_status is None]
+        names = [node.call.label for node in reversed(self._nodes) if node.process.exit_status is None]
         if names:
             self._tell(f"ends {', '.join(names)}")
         self._stack.close()

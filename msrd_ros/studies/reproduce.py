@@ -1,7 +1,7 @@
 """``reproduce``: run the paper's studies again, from nothing to figures and tables.
 
-``python -m msrd_ros reproduce inverted_pendulum [--seeds N] [--quick] [--out DIR]``, ``reproduce all``,
-``reproduce ball --data DIR [--fit] [--out DIR]``.
+``python -m msrd_ros reproduce inverted_pendulum [--seeds N] [--quick] [--out DIR] [--on ray]``,
+``reproduce all``, ``reproduce ball --data DIR [--fit] [--out DIR]``.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from msrd_ros.cluster.places import LOCAL, WORKERS, Place
+from msrd_ros.cluster.workers import UnitsError, Workers
 from msrd_ros.core import formats
 from msrd_ros.core.errors import UserError
 
@@ -29,7 +31,7 @@ ON_RECORDINGS = "ball"
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; 0 if every study finished, 2 for an error of the user's."""
+    """Run the command; 0 if every study finished, 1 if runs failed, 2 for an error of the user's."""
     # Whoever is told to end lets the runs that are under way finish and be kept, as after Ctrl-C.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -37,6 +39,12 @@ def main(argv: list[str] | None = None) -> int:
     except UserError as error:
         print(f"reproduce: {error}", file=sys.stderr)
         return 2
+    except UnitsError as error:
+        print(
+            f"reproduce: {error}\nreproduce: all other runs are kept; the same command tries these again",
+            file=sys.stderr,
+        )
+        return 1
     except KeyboardInterrupt:
         print("reproduce: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
@@ -56,15 +64,40 @@ def run(argv: list[str]) -> int:
         raise UserError(f"--data {options.data}: only flair and ball take data; leave it out")
     if options.fit and ON_RECORDINGS not in names:
         raise UserError("--fit: only ball fits a law to recordings; leave it out")
-    if ON_RECORDINGS in names and (options.quick or options.seeds is not None):
-        raise UserError("ball takes a minute and draws nothing; leave out --quick and --seeds")
+    given = [f"--{name}" for name in ("quick", "seeds", "on", "workers") if getattr(options, name)]
+    if ON_RECORDINGS in names and given:
+        raise UserError(f"ball takes a minute and draws nothing; leave out {', '.join(given)}")
+    folders = {}
     for name in names:
-        folder = Path(options.out or "out")
+        folders[name] = Path(options.out or "out")
         if len(names) > 1 or options.out is None:
-            folder /= name
-        _check_writable(folder)
-        _reproduce(name, folder, options)
+            folders[name] /= name
+        _check_writable(folders[name])
+    with _open_workers(options) as workers:
+        _reproduce_all(folders, workers, options)
     return 0
+
+
+def _open_workers(options: argparse.Namespace) -> Workers:
+    place = Place.parse(options.on or LOCAL, "--on")
+    if place.address is not None and options.workers is not None:
+        raise UserError(
+            f"--workers {options.workers}: the Ray at {place.address} has as many as it has; leave it out"
+        )
+    in_this_process = options.quick and options.workers is None and not place.uses_ray
+    return place.open(0 if in_this_process else options.workers or WORKERS)
+
+
+def _reproduce_all(folders: dict[str, Path], workers: Workers, options: argparse.Namespace) -> None:
+    """One study after the other; one of which runs have failed does not take the later ones along."""
+    failed = []
+    for name, folder in folders.items():
+        try:
+            _reproduce(name, folder, workers, options)
+        except UnitsError as error:
+            failed.append(f"{name}: {error}")
+    if failed:
+        raise UnitsError("\n".join(failed))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -92,10 +125,23 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         default=None,
         help="flair: demonstrations as npz, default: FLAIR's, which ship; ball: a folder of recordings",
     )
+    parser.add_argument(
+        "--on",
+        default=None,
+        help="where runs are made: local (processes; the default), ray or ray://HOST:PORT",
+    )
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=None,
+        help=f"processes, or processors of a Ray of our own; default: {WORKERS}, with --quick this one alone",
+    )
     parser.add_argument("--fit", action="store_true", help="ball: fit its law, judge players held apart")
     options = parser.parse_args(argv)
     if options.seeds is not None and not 1 <= options.seeds <= 100:
         raise UserError(f"--seeds {options.seeds}: give a number from 1 to 100")
+    if options.workers is not None and not 1 <= options.workers <= 1000:
+        raise UserError(f"--workers {options.workers}: give a number from 1 to 1000")
     return options
 
 
@@ -110,16 +156,16 @@ def _check_writable(folder: Path) -> None:
         raise UserError(f"--out {folder}: cannot write there ({error.strerror}); choose another") from None
 
 
-def _reproduce(name: str, folder: Path, options: argparse.Namespace) -> None:
+def _reproduce(name: str, folder: Path, workers: Workers, options: argparse.Namespace) -> None:
     """One study; imports what it needs only now, so that a missing extra is a clear error."""
     try:
         import torch
 
         studies: dict[str, Callable[[Path, int | None, bool], Finished]] = {
-            "inverted_pendulum": _inverted_pendulum,
-            "hopper": _hopper,
-            "table_tennis": _table_tennis,
-            "flair": partial(_flair, options.data),
+            "inverted_pendulum": partial(_inverted_pendulum, workers),
+            "hopper": partial(_hopper, workers),
+            "table_tennis": partial(_table_tennis, workers),
+            "flair": partial(_flair, workers, options.data),
             ON_RECORDINGS: partial(_ball, options.data, options.fit),
         }
         torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
@@ -134,46 +180,46 @@ def _reproduce(name: str, folder: Path, options: argparse.Namespace) -> None:
     print(f"\n{report}\n{folder / 'metrics.json'}")
 
 
-def _inverted_pendulum(folder: Path, seeds: int | None, quick: bool) -> Finished:
+def _inverted_pendulum(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> Finished:
     from msrd_ros.studies.inverted_pendulum.report import write_report
     from msrd_ros.studies.inverted_pendulum.study import StudyPlan, run_study
 
     plan = StudyPlan.quick() if quick else StudyPlan()
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
-    metrics = run_study(plan, folder / "runs", _ticker())
+    metrics = run_study(plan, folder / "runs", workers, _ticker())
     return metrics, lambda found: write_report(found, plan, folder)
 
 
-def _hopper(folder: Path, seeds: int | None, quick: bool) -> Finished:
+def _hopper(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> Finished:
     from msrd_ros.studies.hopper.report import write_report
     from msrd_ros.studies.hopper.study import StudyPlan, run_study
 
     plan = StudyPlan.quick() if quick else StudyPlan()
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
-    metrics = run_study(plan, folder / "runs", _ticker())
+    metrics = run_study(plan, folder / "runs", workers, _ticker())
     return metrics, lambda found: write_report(found, plan, folder)
 
 
-def _table_tennis(folder: Path, seeds: int | None, quick: bool) -> Finished:
+def _table_tennis(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> Finished:
     from msrd_ros.studies.table_tennis.report import write_report
     from msrd_ros.studies.table_tennis.study import StudyPlan, run_study
 
     plan = StudyPlan.quick() if quick else StudyPlan()
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
-    return run_study(plan, folder, _ticker()), lambda found: write_report(found, folder)
+    return run_study(plan, folder, workers, _ticker()), lambda found: write_report(found, folder)
 
 
-def _flair(data: Path | None, folder: Path, seeds: int | None, quick: bool) -> Finished:
+def _flair(workers: Workers, data: Path | None, folder: Path, seeds: int | None, quick: bool) -> Finished:
     from msrd_ros.studies.lunar_lander.report import write_report
     from msrd_ros.studies.lunar_lander.study import StudyPlan, run_study
 
     plan = StudyPlan.quick() if quick else StudyPlan()
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
-    metrics = run_study(plan, folder / "runs", _ticker(), data)
+    metrics = run_study(plan, folder / "runs", workers, _ticker(), data)
     return metrics, lambda found: write_report(found, plan, folder)
 
 

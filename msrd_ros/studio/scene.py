@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from msrd_ros.robots.kinematics import link_frames
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 
 TRAIL_POINTS = 60
 _TABLE_BLUE, _LINE_WHITE, _FLOOR = (18, 62, 110), (235, 235, 235), (226, 229, 233)
+_TARGET_GREEN, _TARGET_RADIUS_M, _TARGET_HEIGHT_M = (26, 190, 76), 0.1, 0.004
 _BALL_ORANGE, _TRAIL, _SPIN = (255, 128, 0), (255, 150, 50), (120, 40, 200)
 _SKY, _GROUND, _SKY_INTENSITY = (255, 255, 255), (200, 195, 190), 1.6
 _FLAT: Any = "toon5"
@@ -44,12 +46,15 @@ class Picture(NamedTuple):
         Where the ball was, oldest first, (K, 3) in m.
     spin
         (3,) in rad/s.
+    target
+        Where the next ball is to land, (2,) in m.
     """
 
     joint_position: Array | None
     ball: Array | None
     trail: Array
     spin: Array | None
+    target: Array | None = None
 
 
 class LaidPath(NamedTuple):
@@ -106,6 +111,11 @@ class TableScene:
             head_length=0.04,
             visible=False,
         )
+        disc = trimesh.creation.cylinder(_TARGET_RADIUS_M, _TARGET_HEIGHT_M)
+        self._target = scene.add_mesh_simple(
+            "/target", disc.vertices, disc.faces, color=_TARGET_GREEN, visible=False
+        )
+        self._target_z_m = facts.table.height_m + _TARGET_HEIGHT_M
         self._laid: list[Any] = []
         self._drawn: dict[str, NDArray[Any] | None] = {}
         self.show(Picture(robot.home_rad, None, np.empty((0, 3)), None))
@@ -126,6 +136,9 @@ class TableScene:
             self._trail.visible = trail is not None
             if self._is_news("trail", trail, _SEEN_M) and trail is not None:
                 self._trail.points = trail
+            self._target.visible = picture.target is not None
+            if self._is_news("target", picture.target, _SEEN_M) and picture.target is not None:
+                self._target.position = np.array([*picture.target, self._target_z_m])
             if self._is_news("spin", picture.spin, _SEEN_RAD_S):
                 self._show_spin(picture.spin)
 

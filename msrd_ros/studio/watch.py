@@ -32,6 +32,7 @@ from msrd_ros.nodes.latched import hear_latched
 from msrd_ros.nodes.polled import PolledTopic
 from msrd_ros.robots.robot import Robot
 from msrd_ros.studio.scene import Picture
+from msrd_ros.table_tennis.strokes.reach import read_point
 
 ROSOUT = "/rosout"
 """Where every ROS node's log goes: a topic of ROS itself, not of this package."""
@@ -106,7 +107,12 @@ class Watch:
             spin = np.array([angular.x, angular.y, angular.z])
             self._spin = spin if np.isfinite(spin).all() else None
         trail = np.array([position for _, position in self._trail]).reshape(-1, 3)
-        return Picture(self._position, trail[-1] if len(trail) else None, trail, self._spin)
+        ball = trail[-1] if len(trail) else None
+        return Picture(self._position, ball, trail, self._spin, self._target())
+
+    def _target(self) -> NDArray[np.float64] | None:
+        """Where the executor says that it aims at."""
+        return read_point(self.values("executor").get("target", ""))
 
     def _take_joints(self) -> None:
         for message in self._joints.take():

@@ -55,12 +55,12 @@ def main(argv: list[str] | None = None) -> int:
         else:
             (stage,) = stages
             environment = _environment(console)
-            _greet(console, chosen, values, [call.executable for call in stage.nodes], environment)
+            _greet(console, chosen, values, [call.label for call in stage.nodes], environment)
             options = RosOptions.of(values)
 
             def start(call: NodeCall) -> NodeProcess:
-                words = options.words(call.executable)
-                return NodeProcess(call.executable, call.parameters, environment, console, words)
+                words = options.within(call.namespace).words(call.executable)
+                return NodeProcess(call.label, call.parameters, environment, console, words)
 
             def tell(line: str) -> None:
                 console.say(NAME, line)

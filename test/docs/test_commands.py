@@ -47,6 +47,7 @@ TESTED_BY = {
     r"python -m msrd_ros up play\b": (
         "up/test_command.py::test_two_stacks_play_side_by_side_each_with_its_clock"
     ),
+    r"python -m msrd_ros up rally\b": "nodes/test_match.py::test_two_arms_play_a_short_rally",
     r"python -m msrd_ros up train\b": "stack/test_sets.py::test_nodes_and_their_parameters_exist",
     r"python -m msrd_ros\.bags repair\b": ("bags/test_repair.py::test_the_command_says_where_it_put_the_bag"),
     r"python -m msrd_ros\.bags check\b": "recordings/test_check.py::test_a_folder_is_told_bag_by_bag",

@@ -11,6 +11,7 @@ from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.learning.policy import PolicySet
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS, PaperLabel
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies, stroke_layout
+from msrd_ros.table_tennis.strokes.reach import Reach
 from msrd_ros.table_tennis.teachers.planner import planned_strokes
 from sawyer import ROBOT
 
@@ -18,7 +19,11 @@ HIDDEN = 8
 
 
 def made_up_policies(
-    labels: Sequence[PaperLabel] = ALL_LABELS, gain: float = 0.3, log_std: float = -1.0, seed: int = 0
+    labels: Sequence[PaperLabel] = ALL_LABELS,
+    gain: float = 0.3,
+    log_std: float = -1.0,
+    seed: int = 0,
+    reach: Reach | None = None,
 ) -> StrokePolicies:
     """Policies that move the arm about smoothly from the planned strokes' ready poses.
 
@@ -32,9 +37,11 @@ def made_up_policies(
         Natural logarithm of the exploration's standard deviation.
     seed
         Of the weights.
+    reach
+        Of every strategy; None makes policies that take no target.
     """
     rng = np.random.default_rng(seed)
-    layout = stroke_layout(ROBOT, labels)
+    layout = stroke_layout(ROBOT, labels, takes_target=reach is not None)
     count, seen, said = len(labels), len(layout.observation_names), len(layout.action_names)
     tensors = {
         "weight/0": rng.normal(size=(count, seen, HIDDEN)).astype(np.float32),
@@ -48,7 +55,7 @@ def made_up_policies(
     }
     planned = planned_strokes()
     facts: dict[StrategyLabel, StrokeFacts] = {
-        label: StrokeFacts(planned[label].start.position, np.array([0.9, 0.1 * index]), label.side)
+        label: StrokeFacts(planned[label].start.position, np.array([0.9, 0.1 * index]), label.side, reach)
         for index, label in enumerate(labels)
     }
     return StrokePolicies(PolicySet(layout, tensors, {"method": "made up"}), facts)

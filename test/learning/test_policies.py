@@ -11,7 +11,7 @@ import torch
 from torch.distributions import Categorical, Independent, Normal, kl_divergence
 
 from msrd_ros.learning.categorical import CategoricalPolicies
-from msrd_ros.learning.checkpoints import export_policies
+from msrd_ros.learning.checkpoints import export_policies, import_policies
 from msrd_ros.learning.layout import Layout
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import GaussianPolicies
@@ -135,6 +135,16 @@ def test_exported_policy_is_the_same_function_and_fast() -> None:
         policy.act(observation[2, 0])
         laps.append(time.perf_counter() - start)
     assert np.median(laps) < 100e-6  # measured: about 10 us; the bound leaves room for a busy machine
+
+
+def test_exported_policies_come_back_to_be_learned_further() -> None:
+    policies = gaussian()
+    layout = Layout(("a", "b", "c"), ("u", "v"), ("first", "second", "third"), 0.02)
+    exported = export_policies(policies, layout, {"note": "x"})
+    back = import_policies(exported)
+    np.testing.assert_array_equal(back.act(states().numpy()), policies.act(states().numpy()))
+    torch.testing.assert_close(back.log_std, policies.log_std)
+    assert export_policies(back, layout).digest == exported.digest
 
 
 def test_rollout_log_probs_match_single_evaluation() -> None:

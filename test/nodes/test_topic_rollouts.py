@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from made_up_policies import made_up_policies
+from msrd_ros.cluster.processes import Processes
 from msrd_ros.contract.episode import ACTING_STEPS, Episode
 from msrd_ros.contract.outcome import Outcome
 from msrd_ros.nodes.topic_rollouts import TopicCollector
@@ -42,9 +43,8 @@ def over_topics(shared_stack: Stack, executor: RunningProcess) -> TopicCollector
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[BulletPlayers]:
-    players = BulletPlayers(2, WorldConfig(seed=SEED))
-    yield players
-    players.close()
+    with Processes(2) as processes:
+        yield BulletPlayers(processes, WorldConfig(seed=SEED))
 
 
 def play(stack: Stack, collector: TopicCollector, batch: StrokeBatch) -> list[tuple[Episode, Outcome]]:

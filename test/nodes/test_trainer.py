@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import UInt8MultiArray
 
 from libraries import copy_of
+from msrd_ros.cluster.on_ray import ADDRESS_VARIABLE
 from msrd_ros.contract.labels import WITHOUT_LABEL
 from msrd_ros.nodes.common import EVENT, LATCHED
 from msrd_ros.recordings.curation import Curation
@@ -79,6 +80,18 @@ def test_training_resumes_exactly_and_its_policies_are_taken_by_an_executor(
     stack.wait_until(
         lambda: stack.diagnosed("executor")["policies"] == expected.digest, "policies", 60.0, executor
     )
+
+
+@pytest.mark.slow
+def test_rollouts_on_ray_teach_the_same_as_those_of_processes(
+    stack: Stack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(ADDRESS_VARIABLE, raising=False)
+    settings = {**TINY, "iterations": 1, "evaluate_every": 0}
+    bullet, ray = tmp_path / "bullet", tmp_path / "ray"
+    in_processes = finish(stack.start("trainer", **settings, out=bullet, rollouts="bullet"), bullet)
+    on_ray = finish(stack.start("trainer", **{**settings, "workers": 2}, out=ray, rollouts="ray"), ray)
+    assert on_ray.digest == in_processes.digest
 
 
 def test_services_checkpoint_and_stop(stack: Stack, tmp_path: Path) -> None:

@@ -43,6 +43,8 @@ SAID = {
     "port": "8090",
     "expose": "true",
     "token": "secret",
+    "rallies": "4",
+    "most_hits": "9",
 }
 """Something for every argument."""
 
@@ -134,6 +136,8 @@ def test_the_demo_plays_what_it_has_trained() -> None:
     for stage in (play, film):
         executor = next(call for call in stage.nodes if call.executable == "executor")
         assert executor.parameters["checkpoint"] == f"here/training/{POLICIES_FILE}"
+    assert by_name["trainer"]["targets"] is True
+    assert next(call for call in play.nodes if call.executable == "evaluator").parameters["targets"] is True
     seeds = [stage.nodes[0].parameters["seed"] for stage in (record, play, film)]
     assert seeds == [4, 5, 6]
     assert POLICIES_FILE == training.POLICIES_FILE

@@ -12,6 +12,10 @@ import pytest
 import torch
 
 from estimates import require_alike
+from msrd_ros.cluster.places import Place
+from msrd_ros.cluster.processes import Processes, ThisProcess
+from msrd_ros.cluster.workers import UnitsError, silent
+from msrd_ros.core.code import code_digest
 from msrd_ros.core.errors import UserError
 from msrd_ros.studies import reproduce
 from msrd_ros.studies.inverted_pendulum.demonstrators import (
@@ -24,12 +28,13 @@ from msrd_ros.studies.inverted_pendulum.environment import has_fallen, task_rewa
 from msrd_ros.studies.inverted_pendulum.study import PENDULUM, StudyPlan
 from msrd_ros.studies.inverted_pendulum.truths import KnownPreferences
 from msrd_ros.studies.reproduce import STUDIES, main
-from msrd_ros.studies.shared.cache import cached, code_digest
+from msrd_ros.studies.shared.cache import cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import correlation, evaluate, make_test_set, normalised
 from msrd_ros.studies.shared.frozen_rewards import frozen_rewards, pessimistic
 from msrd_ros.studies.shared.method import Budget, Exercise, restore
 from msrd_ros.studies.shared.methods import METHODS
+from msrd_ros.studies.shared.runs import prepare
 from msrd_ros.studies.shared.statistics import diagonal_test, paired_test
 from quick_studies import play, written_by_virtual_study
 
@@ -87,10 +92,14 @@ def test_runs_side_by_side_are_the_same_runs(tmp_path: Path, monkeypatch: pytest
     plan = replace(StudyPlan.quick(), budget=budget, demonstrations=2)
     methods = ("msrd", "classifier")
     found = []
-    for workers in (0, 2):
-        folder = tmp_path / str(workers)
+    for count in (0, 2):
+        folder = tmp_path / str(count)
         folder.mkdir()
-        scores = replace(plan, workers=workers).runs(Kind.DIAYN, folder).compare(methods, 1)["methods"]
+        runs = plan.runs(Kind.DIAYN, folder)
+        with Place().open(count) as workers:
+            prepare(workers, [(runs, methods, 1)], silent)
+        assert len(list(folder.iterdir())) == len(methods)
+        scores = runs.compare(methods, 1)["methods"]
         for row in scores.values():
             del row["seconds"]
         found.append(scores)
@@ -124,9 +133,24 @@ def test_an_ensemble_says_the_mean_of_its_members() -> None:
         (["inverted_pendulum", "--seeds", "many"], "--seeds"),
         ([], "study"),
         (["inverted_pendulum", "--out", "/proc/nowhere"], "cannot write there"),
+        (["inverted_pendulum", "--on", "cluster"], "--on cluster: say local, ray or ray://HOST:PORT"),
+        (
+            ["inverted_pendulum", "--on", "ray://head:1", "--workers", "3"],
+            "--workers 3: the Ray at ray://head:1",
+        ),
+        (["inverted_pendulum", "--on", "ray://127.0.0.1:1"], "no Ray at ray://127.0.0.1:1"),
+        (["inverted_pendulum", "--workers", "0"], "--workers 0"),
+        (["ball", "--data", ".", "--on", "ray", "--workers", "2"], "leave out --on, --workers"),
     ],
 )
-def test_bad_input_gets_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_gets_one_line(
+    arguments: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     printed = capsys.readouterr().err
     assert said in printed
@@ -150,6 +174,37 @@ def test_studies_do_not_write_into_each_others_folder(
     monkeypatch.setattr(reproduce, "_reproduce", lambda name, folder, *rest: written.append(str(folder)))
     assert main(arguments) == 0
     assert written == folders
+
+
+def test_a_study_of_which_runs_failed_takes_none_along(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begun = []
+
+    def study(name: str, *rest: object) -> None:
+        begun.append(name)
+        if name == STUDIES[1]:
+            raise UnitsError("1 of 2 failed: msrd, seed 0\n-- msrd, seed 0 --\nTraceback")
+
+    monkeypatch.setattr(reproduce, "_reproduce", study)
+    assert main(["all", "--out", str(tmp_path)]) == 1
+    assert begun == list(STUDIES)
+    printed = capsys.readouterr().err
+    assert f"{STUDIES[1]}: 1 of 2 failed: msrd, seed 0" in printed
+    assert "all other runs are kept" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind"),
+    [(["--quick"], ThisProcess), ([], Processes), (["--quick", "--workers", "2"], Processes)],
+)
+def test_runs_are_made_where_it_was_said(
+    arguments: list[str], kind: type, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    found: list[object] = []
+    monkeypatch.setattr(reproduce, "_reproduce", lambda name, folder, workers, options: found.append(workers))
+    assert main(["hopper", "--out", str(tmp_path), *arguments]) == 0
+    assert [type(workers) for workers in found] == [kind]
 
 
 def test_told_to_end_is_like_interrupted(

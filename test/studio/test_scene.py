@@ -52,6 +52,7 @@ def test_a_picture_that_is_the_last_one_is_not_sent(scene: Counted) -> None:
         {"ball": np.array([0.52, 0.0, 1.0])},
         {"ball": None},
         {"spin": np.array([0.0, 50.0, 0.0])},
+        {"target": np.array([0.5, 0.1])},
     ],
 )
 def test_what_changes_is_sent(scene: Counted, news: dict[str, np.ndarray | None]) -> None:

@@ -40,7 +40,10 @@ def test_sets_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("everything", "there is no 'everything' to start; say one of teach, play, train, studio, demo"),
+        (
+            "everything",
+            "there is no 'everything' to start; say one of teach, play, train, studio, rally, demo",
+        ),
         ("play chekpoint:=x", "play has no argument 'chekpoint'; it takes checkpoint, robot, mode"),
         ("play mode:=fast", "play mode:=fast: give one of lockstep, real_time"),
         ("play --balls 3", "'--balls' is no argument; write name:=value"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.core.processors import usable_processors
 from msrd_ros.learning.layout import Layout
 
 SPEED_NAME = "forward_speed"
@@ -121,7 +121,7 @@ class Hopper:
         self._random_actions = np.asarray(random_actions, dtype=np.float64)
         self._autoreset = autoreset
         self._model = (body or HopperBody()).model()
-        threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        threads = usable_processors()
         self._data = [mujoco.MjData(self._model) for _ in range(threads)]
         self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
         self._physics = np.zeros((0, 0))

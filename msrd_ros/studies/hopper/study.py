@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.studies.hopper.demonstrators import (
     KL_ENCOURAGED_PAIR,
     PAIRS,
@@ -25,9 +26,9 @@ from msrd_ros.studies.hopper.evaluation import GaitTestSet, judge, make_gait_tes
 from msrd_ros.studies.hopper.task import HOPPER
 from msrd_ros.studies.hopper.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.shared.cache import cache_key, cached
-from msrd_ros.studies.shared.method import Budget, silent
+from msrd_ros.studies.shared.method import Budget
 from msrd_ros.studies.shared.methods import METHODS
-from msrd_ros.studies.shared.runs import TEST_SEED, SharedPlan, VirtualRuns, append_marks
+from msrd_ros.studies.shared.runs import TEST_SEED, SharedPlan, VirtualRuns, append_marks, prepare
 from msrd_ros.studies.shared.statistics import RIVALS, paired_test
 
 OTHER_TRUTH_METHODS = (
@@ -79,12 +80,11 @@ class StudyPlan(SharedPlan):
             test_repeats=1,
             test_clean=1,
             transfer=None,
-            workers=0,
         )
 
-    def runs(self, pair: str, folder: Path, progress: Callable[[str], None] = silent) -> VirtualRuns:
+    def runs(self, pair: str, folder: Path) -> VirtualRuns:
         """The runs on one pair, kept in `folder`."""
-        return VirtualRuns(HOPPER, cached_demonstrators(pair), pair, self, folder, progress)
+        return VirtualRuns(HOPPER, cached_demonstrators(pair), pair, self, folder)
 
     def test_set(self, pair: str, repetition: int) -> GaitTestSet:
         """The test trajectories of a repetition, the same for every method."""
@@ -92,7 +92,9 @@ class StudyPlan(SharedPlan):
         return make_gait_test_set(demonstrators, seed, self.test_repeats, self.test_clean, self.test_unseen)
 
 
-def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:
+def run_study(
+    plan: StudyPlan, folder: Path, workers: Workers, progress: Callable[[str], None]
+) -> dict[str, Any]:
     """Everything; returns the content of ``metrics.json``.
 
     Every list in ``methods`` runs over the seeds of the first pair, then of the next, as ``seeds`` and
@@ -102,49 +104,44 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     ----------
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
+    workers
+        Who trains.
     """
-    found = _compare(plan, plan.pairs, tuple(METHODS), folder, progress)
+    main = [(plan.runs(pair, folder), tuple(METHODS), plan.seeds) for pair in plan.pairs]
+    other = [(plan.runs(pair, folder), OTHER_TRUTH_METHODS, plan.seeds) for pair in plan.other_pairs]
+    prepare(workers, [*main, *other], progress)
+    all_runs = [runs for runs, _, _ in main]
+    found = _compare(plan, all_runs, tuple(METHODS))
     transfer = {}
     if plan.transfer is not None:
-        for number, pair in enumerate(plan.pairs[: plan.transfer_pairs]):
+        for number, runs in enumerate(all_runs[: plan.transfer_pairs]):
             other_starts = replace(plan.transfer, seed=plan.transfer.seed + 10 * number)
-            transfer[pair] = _transfer(other_starts, plan.runs(pair, folder, progress))
+            transfer[runs.name] = _transfer(other_starts, runs, progress)
     return {
         "study": HOPPER.name,
         **found,
         "tests": summarise(found["methods"], found["pairs"]),
         "transfer": transfer,
-        "other_truths": {
-            pair: _compare(plan, (pair,), OTHER_TRUTH_METHODS, folder, progress) for pair in plan.other_pairs
-        },
+        "other_truths": {runs.name: _compare(plan, [runs], methods) for runs, methods, _ in other},
         "plan": asdict(plan),
     }
 
 
-def _compare(
-    plan: StudyPlan,
-    pairs: Sequence[str],
-    methods: Sequence[str],
-    folder: Path,
-    progress: Callable[[str], None],
-) -> dict[str, Any]:
+def _compare(plan: StudyPlan, all_runs: Sequence[VirtualRuns], methods: Sequence[str]) -> dict[str, Any]:
     """Every method on every pair and seed: seeds, pairs, scores by method, and what the demonstrators are."""
-    all_runs = {pair: plan.runs(pair, folder, progress) for pair in pairs}
-    for runs in all_runs.values():
-        runs.prepare(methods, plan.seeds)
     scores: dict[str, dict[str, list[Any]]] = {}
-    for (pair, runs), repetition in product(all_runs.items(), range(plan.seeds)):
-        make_test = partial(plan.test_set, pair)
+    for runs, repetition in product(all_runs, range(plan.seeds)):
+        make_test = partial(plan.test_set, runs.name)
         append_marks(scores, runs.marks(methods, repetition, make_test, judge, plan.test_unseen))
     return {
-        "seeds": list(range(plan.seeds)) * len(pairs),
-        "pairs": [pair for pair in pairs for _ in range(plan.seeds)],
+        "seeds": list(range(plan.seeds)) * len(all_runs),
+        "pairs": [runs.name for runs in all_runs for _ in range(plan.seeds)],
         "methods": scores,
-        "demonstrators": {pair: runs.demonstrators_report for pair, runs in all_runs.items()},
+        "demonstrators": {runs.name: runs.demonstrators_report for runs in all_runs},
     }
 
 
-def _transfer(plan: TransferPlan, runs: VirtualRuns) -> dict[str, Any]:
+def _transfer(plan: TransferPlan, runs: VirtualRuns, progress: Callable[[str], None]) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     msrd, airl = "msrd", "airl"
     key = cache_key(asdict(plan), [runs.path(method, 0).name for method in (msrd, airl)])
@@ -153,7 +150,7 @@ def _transfer(plan: TransferPlan, runs: VirtualRuns) -> dict[str, Any]:
         demonstrators = runs.demonstrators
         assert isinstance(demonstrators, Demonstrators)
         estimates = runs.estimate(msrd, 0), runs.estimate(airl, 0)
-        return run_transfer(plan, demonstrators, runs.demonstrate(0), *estimates, runs.progress)
+        return run_transfer(plan, demonstrators, runs.demonstrate(0), *estimates, progress)
 
     return cached(runs.folder / f"transfer-{key}.json", train)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.learning.rollouts import BatchedCollector, Collector
 from msrd_ros.studies.inverted_pendulum.demonstrators import Kind, cached_demonstrators
 from msrd_ros.studies.inverted_pendulum.environment import (
@@ -25,9 +26,9 @@ from msrd_ros.studies.inverted_pendulum.rollouts import PendulumCollector
 from msrd_ros.studies.inverted_pendulum.transfer import TransferPlan, run_transfer
 from msrd_ros.studies.inverted_pendulum.truths import pendulum_features
 from msrd_ros.studies.shared.cache import cache_key, cached
-from msrd_ros.studies.shared.method import Budget, silent
+from msrd_ros.studies.shared.method import Budget
 from msrd_ros.studies.shared.methods import METHODS
-from msrd_ros.studies.shared.runs import SharedPlan, VirtualRuns
+from msrd_ros.studies.shared.runs import SharedPlan, VirtualRuns, prepare
 from msrd_ros.studies.shared.task import VirtualTask
 
 NOISE_LEVELS = (0.0, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5)
@@ -100,31 +101,33 @@ class StudyPlan(SharedPlan):
             test_clean=2,
             transfer=None,
             kinds=(Kind.DIAYN,),
-            workers=0,
         )
 
-    def runs(self, kind: Kind, folder: Path, progress: Callable[[str], None] = silent) -> VirtualRuns:
+    def runs(self, kind: Kind, folder: Path) -> VirtualRuns:
         """The runs on one set of demonstrators, kept in `folder`."""
-        return VirtualRuns(PENDULUM, cached_demonstrators(kind), kind.value, self, folder, progress)
+        return VirtualRuns(PENDULUM, cached_demonstrators(kind), kind.value, self, folder)
 
 
-def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) -> dict[str, Any]:
+def run_study(
+    plan: StudyPlan, folder: Path, workers: Workers, progress: Callable[[str], None]
+) -> dict[str, Any]:
     """Everything; returns the content of ``metrics.json``.
 
     Parameters
     ----------
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
+    workers
+        Who trains.
     """
-    main, *others = plan.kinds
-    found = plan.runs(main, folder, progress).compare(tuple(METHODS), plan.seeds)
-    other_truths = {
-        kind.value: plan.runs(kind, folder, progress).compare(NON_CIRCULAR_METHODS, plan.other_truth_seeds)
-        for kind in others
-    }
+    runs, *others = (plan.runs(kind, folder) for kind in plan.kinds)
+    wanted = [(other, NON_CIRCULAR_METHODS, plan.other_truth_seeds) for other in others]
+    prepare(workers, [(runs, tuple(METHODS), plan.seeds), *wanted], progress)
+    found = runs.compare(tuple(METHODS), plan.seeds)
+    other_truths = {other.name: other.compare(methods, seeds) for other, methods, seeds in wanted}
     transfer = {}
     if plan.transfer is not None:
-        transfer = _transfer(plan.transfer, plan.runs(main, folder, progress))
+        transfer = _transfer(plan.transfer, runs, progress)
     return {
         "study": PENDULUM.name,
         "seeds": found["seeds"],
@@ -137,13 +140,13 @@ def run_study(plan: StudyPlan, folder: Path, progress: Callable[[str], None]) ->
     }
 
 
-def _transfer(plan: TransferPlan, runs: VirtualRuns) -> dict[str, Any]:
+def _transfer(plan: TransferPlan, runs: VirtualRuns, progress: Callable[[str], None]) -> dict[str, Any]:
     """Fresh policies on the first repetition's rewards, or what is already known of them."""
     methods = ("msrd", "airl_each_cross", "classifier")
     key = cache_key("transfer", asdict(plan), [runs.settings(method) for method in methods])
 
     def train() -> dict[str, Any]:
         estimates = {method: runs.estimate(method, 0) for method in methods}
-        return run_transfer(plan, runs.demonstrators, estimates, runs.progress)
+        return run_transfer(plan, runs.demonstrators, estimates, progress)
 
     return cached(runs.folder / f"transfer-{key}.json", train)

@@ -15,13 +15,13 @@ from torch import Tensor
 
 from msrd_ros.learning import methods as learning
 from msrd_ros.learning.examples.lunar_lander import OBSERVATION_NAMES
-from msrd_ros.learning.harness import Harness
+from msrd_ros.learning.harness import Harness, Task
 from msrd_ros.learning.method import Method
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.rewards import RewardEnsemble
 from msrd_ros.studies.lunar_lander.environment import shaping_potential
 from msrd_ros.studies.shared.estimates import Estimate, Rewards, from_rewards
-from msrd_ros.studies.shared.method import Exercise, InverseLearning, StudyMethod, Telling
+from msrd_ros.studies.shared.method import Exercise, InverseLearning, StudyMethod
 from msrd_ros.studies.shared.yardsticks import Classifier
 
 Demonstrated: TypeAlias = NDArray[np.floating]
@@ -50,7 +50,7 @@ class PlayedMethod(InverseLearning):
         """Run it."""
         started = time.perf_counter()
         learner = self.start(exercise)
-        watch = _Watch(exercise.progress, f"{self.name} seed {exercise.seed}: iteration")
+        watch = _Watch()
         Harness(learner, watch).run()
         assert watch.cloned is not None
         rewards = RewardEnsemble([learner.averaged_rewards])
@@ -76,7 +76,7 @@ def _played(estimate: Estimate, cloned: Policies, learned: Policies) -> PlayedEs
     return PlayedEstimate(**vars(replace(estimate, weights=weights)), cloned=cloned, learned=learned)
 
 
-class _Watch(Telling):
+class _Watch(Task):
     """Keeps the policies as cloning left them."""
 
     cloned: Policies | None = None

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from msrd_ros.cluster.workers import Workers, silent
 from msrd_ros.studies.lunar_lander import drawing, environment, test_sets
 from msrd_ros.studies.lunar_lander.ceiling import ceilings
 from msrd_ros.studies.lunar_lander.demonstrations import LanderDemonstrations, load_demonstrations
@@ -24,8 +25,8 @@ from msrd_ros.studies.lunar_lander.methods import METHODS
 from msrd_ros.studies.lunar_lander.task import LANDER, default_budget
 from msrd_ros.studies.lunar_lander.test_sets import SetPlan, TestSet, kept_test_set, make_test_set
 from msrd_ros.studies.shared.cache import cache_key, cached
-from msrd_ros.studies.shared.method import Budget, silent
-from msrd_ros.studies.shared.runs import TEST_SEED, Runs, SharedPlan, append_marks
+from msrd_ros.studies.shared.method import Budget
+from msrd_ros.studies.shared.runs import TEST_SEED, Runs, SharedPlan, append_marks, prepare
 from msrd_ros.studies.shared.statistics import diagonal_test, paired_test
 
 SETS = {"A": 21_000, "B": 22_000}
@@ -69,14 +70,11 @@ class StudyPlan(SharedPlan):
             sets=SetPlan(30, 2, 1, 2, 1, 1, (0.2, 1.0), 1),
             episodes=1,
             taught_steps=50,
-            workers=0,
         )
 
-    def runs(
-        self, source: LanderDemonstrations, folder: Path, progress: Callable[[str], None] = silent
-    ) -> Runs:
+    def runs(self, source: LanderDemonstrations, folder: Path) -> Runs:
         """The runs on these demonstrations, kept in `folder`."""
-        return Runs(LANDER, source, LANDER.name, self, folder, progress, METHODS)
+        return Runs(LANDER, source, LANDER.name, self, folder, METHODS)
 
     def set_path(self, source: LanderDemonstrations, folder: Path, name: str) -> Path:
         """File of a test set; another one as soon as what defines the set has changed.
@@ -104,7 +102,11 @@ class StudyPlan(SharedPlan):
 
 
 def run_study(
-    plan: StudyPlan, folder: Path, progress: Callable[[str], None], data: Path | None = None
+    plan: StudyPlan,
+    folder: Path,
+    workers: Workers,
+    progress: Callable[[str], None],
+    data: Path | None = None,
 ) -> dict[str, Any]:
     """Everything; returns the content of ``metrics.json``.
 
@@ -112,14 +114,16 @@ def run_study(
     ----------
     folder
         Where runs are kept, so that an interrupted study goes on where it was.
+    workers
+        Who trains.
     data
         Demonstrations; None: those that ship.
     """
     source = load_demonstrations() if data is None else load_demonstrations(data)
     folder.mkdir(parents=True, exist_ok=True)
     sets = plan.test_sets(source, folder, progress)
-    runs = plan.runs(source, folder, progress)
-    runs.prepare(plan.methods, plan.seeds)
+    runs = plan.runs(source, folder)
+    prepare(workers, [(runs, plan.methods, plan.seeds)], progress)
     digests = {name: _digest(found) for name, found in sets.items()}
     ceiling = cached(
         folder / f"ceiling-{cache_key(plan.taught_steps, digests)}.json",

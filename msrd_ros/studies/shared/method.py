@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,10 +46,6 @@ class Budget:
     members: int = 1
 
 
-def silent(line: str) -> None:
-    """Tell nobody."""
-
-
 @dataclass(frozen=True)
 class Exercise:
     """Everything that a method is given.
@@ -61,8 +56,6 @@ class Exercise:
         The same for every method.
     seed
         Everything random follows from it.
-    progress
-        Told what is going on.
     truth
         True strategy rewards: for the regression on them; no method sees them.
     """
@@ -71,7 +64,6 @@ class Exercise:
     demonstrations: Demonstrations
     budget: Budget
     seed: int = 0
-    progress: Callable[[str], None] = silent
     truth: StrategyTruth | None = None
 
 
@@ -156,10 +148,7 @@ class InverseLearning(StudyMethod):
         started, members, steps = time.perf_counter(), [], 0
         for member in range(exercise.budget.members):
             learner = self.start(exercise, member)
-            which = (
-                f"{self.name} seed {exercise.seed}: run {member + 1} of {exercise.budget.members}, iteration"
-            )
-            Harness(learner, Telling(exercise.progress, which)).run()
+            Harness(learner, Task()).run()
             members.append(learner.averaged_rewards)
             steps += learner.environment_steps
         return from_rewards(exercise.task, RewardEnsemble(members), time.perf_counter() - started, steps)
@@ -170,18 +159,3 @@ class InverseLearning(StudyMethod):
         rewards = RewardEnsemble(copy.deepcopy(blank) for _ in range(exercise.budget.members))
         rewards.load_state_dict(weights)
         return from_rewards(exercise.task, rewards, seconds, steps)
-
-
-class Telling(Task):
-    """Tells now and then how well generated transitions are told from demonstrations."""
-
-    def __init__(self, progress: Callable[[str], None], which: str) -> None:
-        self._progress, self._which = progress, which
-
-    def after_iteration(self, harness: Harness) -> None:
-        """Every ten iterations."""
-        if harness.iteration % 10 == 0:
-            metrics = harness.metrics
-            right = 0.5 * (metrics["demonstrations_right"] + metrics["generated_right"])
-            where = f"{self._which} {harness.iteration} of {harness.planned}"
-            self._progress(f"{where}, told apart {right:.2f}")

@@ -7,24 +7,23 @@ tuned on seeds from 9000 to 9999; those that earlier recipes were judged on, 100
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import cache, partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
-import torch
 from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 
+from msrd_ros.cluster.unit import Unit
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.shared.estimates import Estimate
 from msrd_ros.studies.shared.evaluation import TestSet, evaluate, make_test_set, task_correlation
-from msrd_ros.studies.shared.method import Budget, Exercise, StudyMethod, restore, silent
+from msrd_ros.studies.shared.method import Budget, Exercise, StudyMethod, restore
 from msrd_ros.studies.shared.methods import METHODS
 from msrd_ros.studies.shared.statistics import summarise
 from msrd_ros.studies.shared.task import DemonstrationSource, Demonstrators, LearningTask, VirtualTask
@@ -48,8 +47,6 @@ class SharedPlan:
         Trajectories of each strategy.
     test_repeats, test_clean
         Test trajectories per strategy and noise level, and without noise.
-    workers
-        Processes that train; fewer than 2: all happens in this one. The results do not depend on it.
     """
 
     seeds: int = 5
@@ -57,7 +54,6 @@ class SharedPlan:
     demonstrations: int = 20
     test_repeats: int = 2
     test_clean: int = 5
-    workers: int = 2
 
 
 @dataclass(frozen=True)
@@ -74,8 +70,6 @@ class Runs:
         How much of everything.
     folder
         Where the files are.
-    progress
-        Told what is going on.
     methods
         Rows of the tables, by name.
     """
@@ -85,42 +79,18 @@ class Runs:
     name: str
     plan: SharedPlan
     folder: Path
-    progress: Callable[[str], None] = silent
     methods: Mapping[str, StudyMethod] = field(default_factory=lambda: METHODS)
-
-    def prepare(self, methods: Iterable[str], repetitions: int) -> None:
-        """Train what `estimate` will be asked for, several runs side by side."""
-        wanted = [(method, repetition) for repetition in range(repetitions) for method in methods]
-        missing = [job for job in wanted if not self.path(*job).exists()]
-        if self.plan.workers < 2 or len(missing) < 2:
-            return
-        alone = replace(self, progress=silent)
-        with ProcessPoolExecutor(
-            self.plan.workers, get_context("spawn"), initializer=torch.set_num_threads, initargs=(1,)
-        ) as pool:
-            try:
-                jobs = {pool.submit(alone.train, *job): job for job in missing}
-                for count, done in enumerate(as_completed(jobs), 1):
-                    done.result()
-                    method, repetition = jobs[done]
-                    which = f"{method}, seed {repetition}"
-                    self.progress(f"{self.name}: {count} of {len(missing)} runs done, {which}")
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
 
     def estimate(self, method: str, repetition: int) -> Estimate:
         """Train `method`, or take the run that is already there."""
         path = self.path(method, repetition)
         if not path.exists():
-            self.train(method, repetition)
+            write_atomically(path, self.train(method, repetition))
         return restore(self.methods[method], self._exercise(repetition), load_tensors(path.read_bytes()))
 
-    def train(self, method: str, repetition: int) -> None:
-        """Train `method` and keep the outcome as a file."""
-        self.progress(f"{self.name}: {method}, seed {repetition}")
-        estimate = self.methods[method].train(self._exercise(repetition))
-        write_atomically(self.path(method, repetition), save_tensors(estimate.tensors()))
+    def train(self, method: str, repetition: int) -> bytes:
+        """Train `method`; the content of its file."""
+        return save_tensors(self.methods[method].train(self._exercise(repetition)).tensors())
 
     def _exercise(self, repetition: int) -> Exercise:
         """What every method is given in a repetition."""
@@ -129,7 +99,6 @@ class Runs:
             self.demonstrate(repetition),
             self.plan.budget,
             TRAINING_SEED + repetition,
-            self.progress,
             self.demonstrators.truth,
         )
 
@@ -199,10 +168,8 @@ class VirtualRuns(Runs):
             self.task, self.demonstrators, seed, self.plan.test_repeats, self.plan.test_clean
         )
 
-    def compare(self, methods: Iterable[str], repetitions: int) -> dict[str, Any]:
+    def compare(self, methods: Sequence[str], repetitions: int) -> dict[str, Any]:
         """Every method on every repetition: seeds, scores by method (lists over seeds), tests."""
-        methods = tuple(methods)
-        self.prepare(methods, repetitions)
         scores: dict[str, dict[str, list[Any]]] = {}
         for repetition in range(repetitions):
             append_marks(scores, self.marks(methods, repetition, self.test_set, _judge))
@@ -212,6 +179,39 @@ class VirtualRuns(Runs):
             "methods": scores,
             "tests": summarise(scores),
         }
+
+
+def prepare(
+    workers: Workers, wanted: Iterable[tuple[Runs, Iterable[str], int]], progress: Callable[[str], None]
+) -> None:
+    """Train what `Runs.estimate` will be asked for, all of it side by side.
+
+    Parameters
+    ----------
+    wanted
+        Methods and number of repetitions of some runs.
+    progress
+        Told how many runs are done.
+    """
+    wanted = list(wanted)
+    all_runs = [runs for runs, _, _ in wanted]
+    units = [
+        Unit(f"{runs.name}, {method}, seed {repetition}", (index, method, repetition))
+        for index, (runs, methods, repetitions) in enumerate(wanted)
+        for repetition in range(repetitions)
+        for method in methods
+        if not runs.path(method, repetition).exists()
+    ]
+
+    def keep(unit: Unit, content: bytes) -> None:
+        index, method, repetition = unit.arguments
+        write_atomically(all_runs[index].path(method, repetition), content)
+
+    workers.run(_train, units, keep, all_runs, progress)
+
+
+def _train(all_runs: Sequence[Runs], index: int, method: str, repetition: int) -> bytes:
+    return all_runs[index].train(method, repetition)
 
 
 def append_marks(scores: dict[str, dict[str, list[Any]]], marks: Mapping[str, Mapping[str, Any]]) -> None:

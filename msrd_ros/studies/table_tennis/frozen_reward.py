@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import copy
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import torch
 
+from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.method import Method, Problem
 from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.policy_improvement import PolicyImprovement
-from msrd_ros.learning.trajectories import Transitions
 
-PRIOR_WEIGHT = 1.0
-"""What leaving the cloned policy costs under frozen rewards, per nat. Without it a stroke that had reached
-97 % fell to 44 in 60 iterations, at .2 to 82 in 45: a reward that no discriminator corrects any more is
-followed to where it was never told anything. Chosen on another population, as are the steps of refitting."""
+REFERENCE_PRICE = 1.0
+"""Without any a stroke that had reached 97 % fell to 44 in 60 iterations, at .2 to 82 in 45: a reward that no
+discriminator corrects any more is followed to where it was never told anything. Chosen on another population,
+as are the steps of refitting."""
 
 
 class FrozenRewardTraining(MSRD):
     """Clones as MSRD does, then improves the policies on the averaged rewards that it was given.
-
-    The reward of a step is ``R_i - PRIOR_WEIGHT * (log pi_i - log pi_i of the clone)``, whose optimum stays
-    near the clone in the sense of the Kullback-Leibler divergence (as in fine-tuning of language models).
 
     Parameters
     ----------
@@ -34,14 +30,12 @@ class FrozenRewardTraining(MSRD):
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem.config, problem.demonstrations, problem.collector, problem.seed)
         self._seed = problem.seed
-        self._clone = self.policies
         self._features = problem.config.policy.features.build(problem.demonstrations)
 
     def clone(self) -> dict[str, float]:
-        """Also keep the clone; what follows draws from streams of its own."""
+        """What follows draws from streams of its own."""
         metrics = super().clone()
         config = self.config
-        self._clone = copy.deepcopy(self.policies)
         self._rng = np.random.default_rng((self._seed, 2))
         self._improvement = PolicyImprovement(
             self.policies,
@@ -57,30 +51,14 @@ class FrozenRewardTraining(MSRD):
     def iterate(self) -> dict[str, float]:
         """Play, reward, improve."""
         rollouts = self._collect(self.config.episodes, self._collector)
-        transitions = Transitions.of(
-            torch.as_tensor(rollouts.observations),
-            torch.as_tensor(rollouts.actions),
-            torch.as_tensor(rollouts.log_probs),
-        )
+        transitions = self._transitions(rollouts)
         with torch.no_grad():
-            cloned = self._clone.distribution(transitions.observation)
-            strayed = transitions.log_prob - self._clone.log_prob(cloned, transitions.action)
             reward = self.averaged_rewards(transitions).combined
-            reward = reward - PRIOR_WEIGHT * strayed * (1.0 - transitions.passive)
+            reward = reward - self._reference.cost(transitions, self.policies)
         reward = reward.reshape(*rollouts.actions.shape[:2], -1)
         metrics = self._improvement.improve(rollouts, reward, self.progress)
         self.iterations_done += 1
         return metrics
-
-    def state_dict(self) -> dict[str, Any]:
-        """Also of the clone."""
-        return {**super().state_dict(), "clone": self._clone.state_dict()}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Also of the clone."""
-        super().load_state_dict(state)
-        self._clone = copy.deepcopy(self.policies)
-        self._clone.load_state_dict(state["clone"])
 
 
 class FrozenReward(Method):
@@ -90,6 +68,11 @@ class FrozenReward(Method):
     title = "plain cloning + frozen R0 + S_i"
     has_rewards = False
 
+    def configure(self, config: MSRDConfig, strategies: int) -> MSRDConfig:
+        """A price on leaving the clones."""
+        return replace(config, policy=replace(config.policy, reference_price=REFERENCE_PRICE))
+
     def start(self, problem: Problem) -> FrozenRewardTraining:
         """Without weights of rewards yet."""
-        return FrozenRewardTraining(problem)
+        config = self.configure(problem.config, problem.demonstrations.strategies)
+        return FrozenRewardTraining(replace(problem, config=config))

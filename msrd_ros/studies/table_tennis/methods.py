@@ -21,7 +21,7 @@ from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.studies.table_tennis.frozen_reward import FrozenReward
-from msrd_ros.studies.table_tennis.recording import Progress, StudyData
+from msrd_ros.studies.table_tennis.recording import StudyData
 from msrd_ros.table_tennis.strategies.table import Strategies
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.run import StrokeTask
@@ -33,7 +33,7 @@ from msrd_ros.table_tennis.strokes.training import (
 
 REFIT = RefitConfig()
 """`MSRD.refit_on_replay` before rewards are frozen. With it, and without any price on leaving
-the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.PRIOR_WEIGHT`)."""
+the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.REFERENCE_PRICE`)."""
 
 
 class AirlSixPolicies(Method):
@@ -147,8 +147,6 @@ class Budget:
         Of all cloning, if given.
     evaluate_every, evaluation_balls
         Iterations between points of the curve, and balls per strategy for each point.
-    threads
-        Of the batched simulator.
     """
 
     iterations: int = 80
@@ -157,7 +155,6 @@ class Budget:
     cloning_steps: int | None = None
     evaluate_every: int = 10
     evaluation_balls: int = 200
-    threads: int = 2
 
 
 @dataclass(frozen=True)
@@ -189,7 +186,7 @@ def settings_of(method: StrokeMethod, budget: Budget, seed: int) -> StrokeTraini
         iterations=0 if method.is_cloned else budget.iterations,
         episodes=budget.episodes,
         seed=seed,
-        threads=budget.threads,
+        threads=1,
         cloning_steps=budget.cloning_steps,
         **method.training,
     )
@@ -212,25 +209,11 @@ def run_settings(method: StrokeMethod, data: StudyData, budget: Budget) -> dict[
     return {"name": method.name, "recipe": recipe.to_dict(), "training": asdict(settings)}
 
 
-class _Telling(StrokeTask):
-    """Tells the outcome of every evaluation."""
-
-    def __init__(self, training: StrokeTraining, balls: int, progress: Progress, which: str) -> None:
-        super().__init__(training, balls)
-        self._progress, self._which = progress, which
-
-    def at_point(self, harness: Harness) -> None:
-        """One line."""
-        where = f"iteration {harness.iteration} of {harness.planned}"
-        self._progress(f"{self._which}: {where}, {self.summary(harness)}")
-
-
 def learn(
     method: StrokeMethod,
     data: StudyData,
     budget: Budget,
     seed: int,
-    progress: Progress,
     frozen: dict[str, Tensor] | None = None,
 ) -> Learned:
     """Run a method.
@@ -244,8 +227,7 @@ def learn(
     trainer = training.trainer
     if frozen is not None:
         trainer.averaged_rewards.load_state_dict(frozen)
-    which = f"{method.name}, training seed {seed}"
-    task = _Telling(training, budget.evaluation_balls, progress, which)
+    task = StrokeTask(training, budget.evaluation_balls)
     harness = Harness(trainer, task, Schedule(budget.evaluate_every))
     harness.run()
     report = {

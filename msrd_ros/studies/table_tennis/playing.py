@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import pickle
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, Self
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.contract.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import Outcome
@@ -22,7 +22,7 @@ from msrd_ros.table_tennis.strategies.paper import PaperLabel
 from msrd_ros.table_tennis.strokes.ball_filter import BallFilter
 from msrd_ros.table_tennis.strokes.player import PolicyFunction
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
-from msrd_ros.table_tennis.strokes.rollouts import camera_sight, play_in_world
+from msrd_ros.table_tennis.strokes.rollouts import camera_sight, in_units, kept_world, play_in_world
 
 REPLAY_GAIN = 6.0
 """Speed fraction per radian with which a replayed motion is followed: what corrective cloning uses, too."""
@@ -178,25 +178,19 @@ class Played(NamedTuple):
     limits: LimitsSeen
 
 
-_world: World | None = None
-
-
-def _play(repertoire: Repertoire, balls: Sequence[EvaluationBall], conditions: Conditions) -> Played:
-    """Work of one process; a world is kept for as long as the conditions stay."""
-    global _world
-    if _world is None or _world.config != conditions.world:
-        if _world is not None:
-            _world.close()
-        _world = World(conditions.world)
-    limits = _world.rally.limits
+def _play(shared: tuple[bytes, Repertoire, Conditions], balls: Sequence[EvaluationBall]) -> Played:
+    """One unit."""
+    config, repertoire, conditions = shared
+    world = kept_world(config)
+    limits = world.rally.limits
     limits.clear()
     outcomes = []
     films: dict[StrategyLabel, Episode] = {}
     for ball in balls:
-        outcome, episode = play_ball(_world, repertoire, ball, conditions)
+        outcome, episode = play_ball(world, repertoire, ball, conditions)
         outcomes.append(outcome)
         if outcome.returned and ball.label not in films:
-            films[ball.label] = _with_outcome(episode, outcome)
+            films[ball.label] = replace(episode, outcome=outcome)
     seen = LimitsSeen(
         limits.samples,
         limits.limits_exceeded,
@@ -206,46 +200,12 @@ def _play(repertoire: Repertoire, balls: Sequence[EvaluationBall], conditions: C
     return Played(outcomes, films, seen)
 
 
-def _with_outcome(episode: Episode, outcome: Outcome) -> Episode:
-    from dataclasses import replace
-
-    return replace(episode, outcome=outcome)
-
-
-class Table:
-    """Where balls are played: in this process, or in several at once.
-
-    Parameters
-    ----------
-    workers
-        Processes; 0 plays here. The results do not depend on it.
-    """
-
-    def __init__(self, workers: int) -> None:
-        self._workers = workers
-        self._pool: ProcessPoolExecutor | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-
-    def play(self, repertoire: Repertoire, balls: Sequence[EvaluationBall], conditions: Conditions) -> Played:
-        """Play balls; outcomes in their order."""
-        if not self._workers:
-            return _play(repertoire, balls, conditions)
-        if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._workers, context)
-        chunks: list[NDArray[np.intp]] = np.array_split(np.arange(len(balls)), self._workers * 4)
-        jobs = [
-            self._pool.submit(_play, repertoire, [balls[i] for i in chunk], conditions)
-            for chunk in chunks
-            if len(chunk)
-        ]
-        parts = [job.result() for job in jobs]
-        films = {label: film for part in reversed(parts) for label, film in part.films.items()}
-        outcomes = [outcome for part in parts for outcome in part.outcomes]
-        return Played(outcomes, films, LimitsSeen.join([part.limits for part in parts]))
+def play_balls(
+    workers: Workers, repertoire: Repertoire, balls: Sequence[EvaluationBall], conditions: Conditions
+) -> Played:
+    """Let workers play balls; outcomes in their order."""
+    shared = pickle.dumps(conditions.world), repertoire, conditions
+    parts: list[Played] = workers.map(_play, [(part,) for part in in_units(balls)], shared)
+    films = {label: film for part in reversed(parts) for label, film in part.films.items()}
+    outcomes = [outcome for part in parts for outcome in part.outcomes]
+    return Played(outcomes, films, LimitsSeen.join([part.limits for part in parts]))

@@ -6,22 +6,19 @@ Seeds are kept apart: training k draws from seed 1000 + k, its evaluation balls 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from safetensors.torch import load as load_tensors
-from safetensors.torch import save as save_tensors
-
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.labels import StrategyLabel
-from msrd_ros.core.files import write_atomically
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.table_tennis.judging import judge, undone_pairs
+from msrd_ros.studies.table_tennis.learned_runs import TRAINING_SEED, LearnedRuns
 from msrd_ros.studies.table_tennis.live import (
     Lesson,
     LivePlan,
@@ -33,8 +30,6 @@ from msrd_ros.studies.table_tennis.methods import (
     METHODS,
     SUPPLEMENT,
     Budget,
-    Learned,
-    learn,
     make_training,
     run_settings,
 )
@@ -44,8 +39,8 @@ from msrd_ros.studies.table_tennis.playing import (
     Played,
     Repertoire,
     ReplayedMotions,
-    Table,
     evaluation_balls,
+    play_balls,
 )
 from msrd_ros.studies.table_tennis.recording import Progress, StudyData, load_episodes, record, split
 from msrd_ros.studies.table_tennis.results import (
@@ -58,7 +53,7 @@ from msrd_ros.studies.table_tennis.robustness import robustness_conditions
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
-TRAINING_SEED, EVALUATION_SEED, ROBUSTNESS_SEED = 1000, 4000, 5000
+EVALUATION_SEED, ROBUSTNESS_SEED = 4000, 5000
 
 
 def file_name(condition: str) -> str:
@@ -89,8 +84,6 @@ class StudyPlan:
         Rows of the robustness table; None takes all.
     live
         What is learned and played over topics; None leaves it out.
-    workers
-        Processes that play; 0 plays in this one.
     """
 
     seeds: int = 3
@@ -104,7 +97,6 @@ class StudyPlan:
     supplement: tuple[str, ...] = SUPPLEMENT
     conditions: tuple[str, ...] | None = None
     live: LivePlan | None = field(default_factory=LivePlan)
-    workers: int = 2
 
     @classmethod
     def quick(cls) -> StudyPlan:
@@ -119,14 +111,12 @@ class StudyPlan:
                 cloning_steps=400,
                 evaluate_every=2,
                 evaluation_balls=40,
-                threads=1,
             ),
             balls=4,
             robustness_balls=1,
             supplement=(),
             conditions=("60 Hz, 3 mm, 20 ms, 10 % lost, estimator", "masses +10 %"),
             live=None,
-            workers=0,
         )
 
 
@@ -139,12 +129,15 @@ class Study:
         What to run.
     folder
         Bags, logs, runs and films go below it.
+    workers
+        Who trains and plays; results do not depend on them.
     progress
         Told what is going on, line by line.
     """
 
-    def __init__(self, plan: StudyPlan, folder: Path, progress: Progress) -> None:
+    def __init__(self, plan: StudyPlan, folder: Path, workers: Workers, progress: Progress) -> None:
         self.plan = plan
+        self._workers = workers
         self._runs = folder / "runs"
         self._films = folder / "films"
         self._progress = progress
@@ -154,22 +147,25 @@ class Study:
             record(self._bags, folder / "logs", plan.subjects, plan.recordings, progress)
         self.data: StudyData = split(load_episodes(self._bags, progress), plan.held_out)
         self._pairs = undone_pairs(self.data, 0)
+        self._learned = LearnedRuns(self.data, plan.budget, self._runs)
 
     def run(self) -> dict[str, Any]:
         """Everything; the content of ``metrics.json``."""
         plan = self.plan
+        wanted = [(method, seed) for seed in range(plan.seeds) for method in ("msrd", *plan.methods)]
+        wanted += [(method, 0) for method in plan.supplement]
+        self._learned.prepare(self._workers, wanted, self._progress)
         rows: dict[str, list[dict[str, Any]]] = {}
-        with Table(plan.workers) as table:
-            for seed in range(plan.seeds):
-                for method in plan.methods:
-                    rows.setdefault(method, []).append(self._row(method, seed, table))
-            robustness = self._robustness("msrd", range(plan.seeds), table)
-            randomised: dict[str, list[dict[str, Any]]] = {}
-            if "msrd_randomised" in plan.supplement:
-                randomised = self._robustness("msrd_randomised", range(1), table)
-            for method in plan.supplement:
-                rows.setdefault(method, []).append(self._row(method, 0, table))
-            over_topics = self._over_topics(plan.live, table) if plan.live else {}
+        for seed in range(plan.seeds):
+            for method in plan.methods:
+                rows.setdefault(method, []).append(self._row(method, seed))
+        robustness = self._robustness("msrd", range(plan.seeds))
+        randomised: dict[str, list[dict[str, Any]]] = {}
+        if "msrd_randomised" in plan.supplement:
+            randomised = self._robustness("msrd_randomised", range(1))
+        for method in plan.supplement:
+            rows.setdefault(method, []).append(self._row(method, 0))
+        over_topics = self._over_topics(plan.live) if plan.live else {}
         labels = [str(label) for label in ALL_LABELS]
         methods = {method: method_metrics(found, labels) for method, found in rows.items()}
         if "frozen_reward" in methods and "behaviour_cloning" in methods:
@@ -192,9 +188,9 @@ class Study:
             "plan": asdict(plan),
         }
 
-    def _row(self, method: str, seed: int, table: Table) -> dict[str, Any]:
+    def _row(self, method: str, seed: int) -> dict[str, Any]:
         """All about one method and training seed, from its folder or anew."""
-        folder = self._folder(method, seed)
+        folder = self._learned.folder(method, seed)
         result: dict[str, Any] = {}
         repertoire: Repertoire
         if METHODS[method].learns is None:
@@ -203,7 +199,7 @@ class Study:
             }
             repertoire = ReplayedMotions(groups)
         else:
-            learned = self._learned(method, seed)
+            learned = self._learned.take(method, seed)
             repertoire = LearnedStrokes(learned.policies)
             result |= learned.report
             if learned.rewards:
@@ -212,14 +208,14 @@ class Study:
 
         def play() -> dict[str, Any]:
             self._progress(f"{method} seed {seed}: plays {self.plan.balls} balls of each stroke")
-            played = self._play(table, repertoire, self.plan.balls, EVALUATION_SEED + seed, Conditions())
+            played = self._play(repertoire, self.plan.balls, EVALUATION_SEED + seed, Conditions())
             if method == "msrd" and seed == 0:
                 save_films(self._films, played.films)
             return evaluation_report(played, self.plan.balls, self.data.landing_points)
 
         return result | cached(folder / f"evaluation-{self.plan.balls}.json", play)
 
-    def _robustness(self, method: str, seeds: Sequence[int], table: Table) -> dict[str, list[dict[str, Any]]]:
+    def _robustness(self, method: str, seeds: Sequence[int]) -> dict[str, list[dict[str, Any]]]:
         """A method's policies under every condition, by name and seed."""
         plan = self.plan
         conditions = robustness_conditions()
@@ -229,17 +225,18 @@ class Study:
         def play(policies: StrokePolicies, seed: int, name: str) -> dict[str, Any]:
             self._progress(f"robustness of {method}, seed {seed}: {name}")
             balls, repertoire = plan.robustness_balls, LearnedStrokes(policies)
-            played = self._play(table, repertoire, balls, ROBUSTNESS_SEED + seed, conditions[name])
+            played = self._play(repertoire, balls, ROBUSTNESS_SEED + seed, conditions[name])
             return evaluation_report(played, balls, self.data.landing_points)
 
         for seed in seeds:
-            policies = self._learned(method, seed).policies
+            policies = self._learned.take(method, seed).policies
+            folder = self._learned.folder(method, seed)
             for name in names:
-                path = self._folder(method, seed) / f"robust-{plan.robustness_balls}-{file_name(name)}.json"
+                path = folder / f"robust-{plan.robustness_balls}-{file_name(name)}.json"
                 rows[name].append(cached(path, partial(play, policies, seed, name)))
         return rows
 
-    def _over_topics(self, live: LivePlan, table: Table) -> dict[str, Any]:
+    def _over_topics(self, live: LivePlan) -> dict[str, Any]:
         """Learning through the nodes beside the same in the batched simulator, and the exchange's curve."""
         subjects = tuple(sorted({episode.subject for episode in self.data.training}))
         settings = [
@@ -255,59 +252,19 @@ class Study:
             rates, balls = {}, self.plan.robustness_balls
             for rollouts in ("batched", "topics"):
                 policies = StrokePolicies.load(learn_with_rollouts(lesson, live, rollouts, self._progress))
-                played = self._play(table, LearnedStrokes(policies), balls, EVALUATION_SEED, Conditions())
+                played = self._play(LearnedStrokes(policies), balls, EVALUATION_SEED, Conditions())
                 rates[rollouts] = evaluation_report(played, balls, self.data.landing_points)["rates"]
             return {"over_topics": rates, "hot_swap": exchange_while_playing(lesson, live, self._progress)}
 
         return cached(lesson.folder / "played.json", play)
 
-    def _play(
-        self, table: Table, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions
-    ) -> Played:
+    def _play(self, repertoire: Repertoire, balls: int, seed: int, conditions: Conditions) -> Played:
         world = replace(conditions.world, seed=seed)
         conditions = replace(conditions, world=world)
-        return table.play(
-            repertoire, evaluation_balls(ALL_LABELS, balls, seed, conditions.spread), conditions
-        )
-
-    def _learned(self, method: str, seed: int) -> Learned:
-        """A method's run, taken up or made."""
-        folder = self._folder(method, seed)
-        names = "policies.safetensors", "rewards.safetensors", "refit_on_replay.safetensors", "training.json"
-        files = [folder / name for name in names]
-        if all(path.exists() for path in files):
-            return Learned(
-                StrokePolicies.load(files[0]),
-                load_tensors(files[1].read_bytes()),
-                load_tensors(files[2].read_bytes()),
-                json.loads(files[3].read_text()),
-            )
-        self._progress(f"{method} seed {seed}: starts")
-        row = METHODS[method]
-        frozen = self._learned(row.frozen_from, seed).lasting if row.frozen_from else None
-        learned = learn(row, self.data, self.plan.budget, TRAINING_SEED + seed, self._progress, frozen)
-        rewards, lasting = (
-            {name: value.contiguous() for name, value in weights.items()}
-            for weights in (learned.rewards, learned.lasting)
-        )
-        contents = (
-            learned.policies.to_bytes(),
-            save_tensors(rewards),
-            save_tensors(lasting),
-            json.dumps(learned.report).encode(),
-        )
-        for path, content in zip(files, contents, strict=True):
-            write_atomically(path, content)
-        return learned
-
-    def _folder(self, method: str, seed: int) -> Path:
-        """Where a run is kept: a run is taken up only if nothing about it has changed."""
-        names = [method, *filter(None, [METHODS[method].frozen_from])]  # and whose rewards they are
-        settings = [run_settings(METHODS[name], self.data, self.plan.budget) for name in names]
-        key = cache_key(settings, asdict(self.plan.budget), self.data.digest)
-        return self._runs / f"{method}-{seed}-{key}"
+        fed = evaluation_balls(ALL_LABELS, balls, seed, conditions.spread)
+        return play_balls(self._workers, repertoire, fed, conditions)
 
 
-def run_study(plan: StudyPlan, folder: Path, progress: Progress) -> dict[str, Any]:
+def run_study(plan: StudyPlan, folder: Path, workers: Workers, progress: Progress) -> dict[str, Any]:
     """Run, or go on with, the study in `folder`; the content of ``metrics.json``."""
-    return Study(plan, folder, progress).run()
+    return Study(plan, folder, workers, progress).run()

@@ -17,6 +17,8 @@ from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, clearance, obstacle, self_clearance
 from msrd_ros.table_tennis.ball.scene import Table
 
+TRAVEL_SHARE = 0.5
+"""Of the speed limits, on the way between two strokes."""
 PASSING_TOLERANCE_RAD = 0.05
 """So near to a pose on the path the arm turns towards the next."""
 
@@ -37,16 +39,28 @@ def room(robot: Robot, pose: Pose) -> float:
 
 
 def follow_path(
-    robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose, period_s: float
+    robot: Robot,
+    reference: JointReference,
+    path: Sequence[Pose],
+    goal: Pose,
+    period_s: float,
+    speed_fraction: float = TRAVEL_SHARE,
 ) -> tuple[JointReference, Sequence[Pose]]:
     """Next reference on the path past the poses of `path` to `goal`, and what is left of the path."""
     target = path[0] if path else goal
-    moved = shape_command(robot, reference, velocity_towards(robot, reference, target, period_s), period_s)
+    wanted = velocity_towards(robot, reference, target, period_s, speed_fraction)
+    moved = shape_command(robot, reference, wanted, period_s)
     passed = path and np.abs(moved.position - target).max() < PASSING_TOLERANCE_RAD
     return moved, path[1:] if passed else path
 
 
-def find_path(robot: Robot, reference: JointReference, goal: Pose, known: Sequence[Pose] = ()) -> list[Pose]:
+def find_path(
+    robot: Robot,
+    reference: JointReference,
+    goal: Pose,
+    known: Sequence[Pose] = (),
+    speed_fraction: float = TRAVEL_SHARE,
+) -> list[Pose]:
     """Poses to pass between a reference and `goal`, best none.
 
     Parameters
@@ -59,6 +73,8 @@ def find_path(robot: Robot, reference: JointReference, goal: Pose, known: Sequen
         Where it shall come to rest, shape (N,), rad.
     known
         Poses that may be worth passing, shape (N,) each: such as where the stroke began.
+    speed_fraction
+        Of the speed limits, at which it will be followed.
 
     Returns
     -------
@@ -68,7 +84,7 @@ def find_path(robot: Robot, reference: JointReference, goal: Pose, known: Sequen
     best: list[Pose] = []
     best_m = -np.inf
     for path in _paths(robot, reference.position, goal, known):
-        least_m = _least_clearance(robot, reference, path, goal)
+        least_m = _least_clearance(robot, reference, path, goal, speed_fraction)
         if least_m > best_m:
             best, best_m = path, least_m
         if best_m > _ENOUGH_M:
@@ -97,13 +113,15 @@ def _lifted(robot: Robot, pose: Pose, lift: float) -> Pose:
     return np.clip(lifted, robot.limits.lowest_rad, robot.limits.highest_rad)
 
 
-def _least_clearance(robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose) -> float:
+def _least_clearance(
+    robot: Robot, reference: JointReference, path: Sequence[Pose], goal: Pose, speed_fraction: float
+) -> float:
     """Least clearance in m after any period on the path; of a goal that is not reached in time, -inf."""
     # Nobody can help where the arm is now or that the goal is where it is.
     fixed_m = min(room(robot, reference.position), room(robot, goal)) - 1e-3
     least_m = np.inf
     for _ in range(round(_LONGEST_S / CONTROL_PERIOD_S)):
-        reference, path = follow_path(robot, reference, path, goal, CONTROL_PERIOD_S)
+        reference, path = follow_path(robot, reference, path, goal, CONTROL_PERIOD_S, speed_fraction)
         least_m = min(least_m, room(robot, reference.position))
         if not path and np.abs(reference.position - goal).max() < _CLOSE_RAD:
             return least_m if least_m < fixed_m else np.inf

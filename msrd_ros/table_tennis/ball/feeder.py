@@ -8,6 +8,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.core.errors import UserError
 from msrd_ros.table_tennis.ball.flight import POSITION, SPIN, VELOCITY, ball_state
 from msrd_ros.table_tennis.strategies.table import Side
 
@@ -25,6 +26,19 @@ class Feed:
     def state(self) -> NDArray[np.float64]:
         """The ball at the launch, shape (9,)."""
         return ball_state(self.position, self.velocity, self.spin)
+
+    def launched(self) -> NDArray[np.float64]:
+        """`state`, of a ball that is to fly.
+
+        Raises
+        ------
+        UserError
+            If a number is not finite.
+        """
+        state = self.state()
+        if not np.isfinite(state).all():
+            raise UserError("feed holds a number that is not finite; give position, velocity and spin in SI")
+        return state
 
     @classmethod
     def from_state(cls, state: NDArray[np.float64]) -> Feed:

@@ -30,6 +30,10 @@ class RefereeState(Protocol):
     decision_time: float
     landing_x: float
     landing_y: float
+    hit_x: float
+    hit_y: float
+    hit_z: float
+    """Where the ball was at the first hit."""
     velocity_x: float
     velocity_y: float
     velocity_z: float
@@ -72,6 +76,12 @@ def miss_reason(verdict: int) -> MissReason | None:
     if verdict == IN_PLAY:
         return MissReason.UNDECIDED
     return None if verdict == RETURNED else _REASONS[verdict - 2]
+
+
+def struck_ball(referees: NDArray[np.void]) -> NDArray[np.float64]:
+    """The balls right after the first hit, shape (..., 9), as referees (...) have seen them; NaN without."""
+    names = [f"{what}_{axis}" for what in ("hit", "velocity", "spin") for axis in "xyz"]
+    return np.stack([referees[name] for name in names], axis=-1)
 
 
 def outcome_of(referee: NDArray[np.void], ball_id: int, launch_time: float = 0.0) -> Outcome:
@@ -144,6 +154,7 @@ def _judge_hit(referee: RefereeState, ball: NDArray[np.float64], time: float) ->
     verdict = DOUBLE_HIT
     if referee.hits == 1:
         referee.hit_time = time
+        referee.hit_x, referee.hit_y, referee.hit_z = ball[0], ball[1], ball[2]
         referee.velocity_x, referee.velocity_y, referee.velocity_z = ball[3], ball[4], ball[5]
         referee.spin_x, referee.spin_y, referee.spin_z = ball[6], ball[7], ball[8]
         verdict = VOLLEY if referee.own_bounces == 0 else IN_PLAY

@@ -30,7 +30,7 @@ from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feeder, FeedSpread
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, POSITION
-from msrd_ros.table_tennis.ball.referee import RETURNED, new_referees
+from msrd_ros.table_tennis.ball.referee import RETURNED, new_referees, struck_ball
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.batched_tick import advance_rallies, fly_on
 from msrd_ros.table_tennis.strategies.table import Side
@@ -95,7 +95,7 @@ class RallyResults(NamedTuple):
     """What became of the balls: arrays (S, K) for reports, never for learning; NaN is not happened.
 
     `verdict` has the values of `referee`, times count from the launch, `landing` is (S, K, 2) in m, `spin`
-    (S, K, 3) in rad/s right after the hit.
+    (S, K, 3) in rad/s right after the hit, and `struck_ball` (S, K, 9) all of the ball then.
     """
 
     struck: NDArray[np.bool_]
@@ -104,6 +104,7 @@ class RallyResults(NamedTuple):
     hit_time: Array
     landing: Array
     spin: Array
+    struck_ball: Array
 
 
 @dataclass(frozen=True)
@@ -250,6 +251,7 @@ class KinematicRallies:
             hit_time=referees["hit_time"],
             landing=np.stack([referees["landing_x"], referees["landing_y"]], axis=-1),
             spin=np.stack([referees["spin_x"], referees["spin_y"], referees["spin_z"]], axis=-1),
+            struck_ball=struck_ball(referees),
         )
 
     def _advance(self, actions: Array) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from msrd_ros.core.compiled import njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.ball.ends import End
 
 Array = NDArray[np.float64]
 
@@ -137,6 +138,8 @@ class BulletArm:
         Which arm, of N joints.
     config
         Differences from the robot's model of itself.
+    end
+        Of the table, where it stands in the client's frame.
 
     Attributes
     ----------
@@ -145,7 +148,9 @@ class BulletArm:
         one velocity, so this is the mean velocity of the last step.
     """
 
-    def __init__(self, client: int, robot: Robot, config: ArmConfig | None = None) -> None:
+    def __init__(
+        self, client: int, robot: Robot, config: ArmConfig | None = None, end: End = End.NEAR
+    ) -> None:
         config = config or ArmConfig()
         self._client = client
         with tempfile.TemporaryDirectory() as folder:
@@ -153,6 +158,7 @@ class BulletArm:
             path.write_text(robot.standing.text(config.mass_scale), encoding="utf-8")
             self.body: int = pybullet.loadURDF(
                 str(path),
+                baseOrientation=pybullet.getQuaternionFromEuler((0.0, 0.0, end.yaw_rad)),
                 useFixedBase=True,
                 flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
                 physicsClientId=client,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.table_tennis.ball.scene import Scene
+from msrd_ros.table_tennis.simulation.robot import STEP_S
 
 Colour = tuple[float, float, float, float]
 
@@ -34,8 +35,8 @@ _PAINT_M = 0.0015
 """How far painted lines stand out, so that they are not drawn within the table."""
 
 
-def connect_bullet(gui: bool) -> int:
-    """Start Bullet, with or without its window, and return the client's number.
+def connect_bullet(gui: bool, gravity_m_s2: float) -> int:
+    """Start Bullet with our time step, with or without its window, and return the client's number.
 
     Raises
     ------
@@ -48,6 +49,10 @@ def connect_bullet(gui: bool) -> int:
     client: int = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
     if client < 0:
         raise UserError("Bullet's window did not open; run with gui:=false where there is no display")
+    pybullet.setGravity(0.0, 0.0, -gravity_m_s2, physicsClientId=client)
+    pybullet.setPhysicsEngineParameter(
+        fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=client
+    )
     return client
 
 
@@ -62,9 +67,11 @@ class BulletScene:
         Sizes.
     visible
         Whether to add what only meets the eye; it costs time to set up.
+    feeder
+        Whether a feeder is among it; it stands where an arm at the far end would play.
     """
 
-    def __init__(self, client: int, scene: Scene, *, visible: bool) -> None:
+    def __init__(self, client: int, scene: Scene, *, visible: bool, feeder: bool = True) -> None:
         self._client = client
         self._visible = visible
         table, net = scene.table, scene.net
@@ -82,7 +89,8 @@ class BulletScene:
         if visible:
             self._paint_table(scene)
             self._stand_table(scene)
-            self._set_feeder()
+            if feeder:
+                self._set_feeder()
             self.ball = self.add_ball(scene.ball.radius_m, BALL_ORANGE)
 
     def add_ball(

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.contract.outcome import Outcome
-from msrd_ros.core.errors import UserError
 from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
 from msrd_ros.table_tennis.ball.referee import IN_PLAY, new_referees, outcome_of
 from msrd_ros.table_tennis.ball.scene import Scene
@@ -67,9 +66,7 @@ class PlayedBall:
         UserError
             If a number of the feed is not finite.
         """
-        state = feed.state()
-        if not np.isfinite(state).all():
-            raise UserError("feed holds a number that is not finite; give position, velocity and spin in SI")
+        state = feed.launched()
         self.state[:] = state
         self._referee = new_referees(1)
         self._steps = 0

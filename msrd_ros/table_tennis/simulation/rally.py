@@ -30,7 +30,7 @@ __all__ = ["Rally", "RallyConfig"]
 
 Array = NDArray[np.float64]
 
-_REACH_MARGIN_M = 0.1
+REACH_MARGIN_M = 0.1
 """A ball so much farther away than the arm can reach is flown without looking at the paddle."""
 
 
@@ -47,15 +47,11 @@ class Rally:
 
     def __init__(self, config: RallyConfig | None = None, *, gui: bool = False) -> None:
         self.config = config = config or RallyConfig()
-        self._client = connect_bullet(gui)
-        pybullet.setGravity(0.0, 0.0, -config.scene.gravity_m_s2, physicsClientId=self._client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=STEP_S, deterministicOverlappingPairs=1, physicsClientId=self._client
-        )
+        self._client = connect_bullet(gui, config.scene.gravity_m_s2)
         self._scene = BulletScene(self._client, config.scene, visible=gui)
         self._robot = SimulatedRobot(self._client, config)
         self._ball = PlayedBall(config.scene, STEP_S, config.shortest_s, config.longest_s)
-        self._farthest_hit_x_m = config.robot.shoulder[0] + config.robot.reach_m + _REACH_MARGIN_M
+        self._farthest_hit_x_m = config.robot.shoulder[0] + config.robot.reach_m + REACH_MARGIN_M
         self._steps = 0
         self._paddle_before: Array = np.empty(PADDLE_SIZE)
         self._no_paddle: Array = NO_PADDLE.copy()  # one type, one compiled function

@@ -16,6 +16,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.ball.ends import End
 from msrd_ros.table_tennis.ball.scene import Scene
 from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm
 from msrd_ros.table_tennis.simulation.bullet_scene import BulletScene
@@ -81,14 +82,23 @@ class FilmStudio:
         Sizes of table, net and ball.
     style
         Of the pictures.
+    both_ends
+        Whether another such arm stands at the far end.
     """
 
-    def __init__(self, robot: Robot, scene: Scene | None = None, style: FilmStyle | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        scene: Scene | None = None,
+        style: FilmStyle | None = None,
+        both_ends: bool = False,
+    ) -> None:
         self._scene = scene or Scene()
         self.style = style or FilmStyle()
         self._client: int = pybullet.connect(pybullet.DIRECT)
-        BulletScene(self._client, self._scene, visible=True)
+        BulletScene(self._client, self._scene, visible=True, feeder=not both_ends)
         self._arm = BulletArm(self._client, robot)
+        self._far_arm = BulletArm(self._client, robot, end=End.FAR) if both_ends else None
         style = self.style
         self._view = pybullet.computeViewMatrix(style.eye, style.target, (0.0, 0.0, 1.0))
         self._lens = pybullet.computeProjectionMatrixFOV(
@@ -114,7 +124,9 @@ class FilmStudio:
             pybullet.disconnect(self._client)
             self._client = -1
 
-    def frame(self, joint_position: Array, ball_path: Array) -> Image:
+    def frame(
+        self, joint_position: Array, ball_path: Array, far_joint_position: Array | None = None
+    ) -> Image:
         """One picture.
 
         Parameters
@@ -124,8 +136,12 @@ class FilmStudio:
         ball_path
             The ball now (last row) and before, shape (N, 3), m; rows that are not finite are left out, an
             empty path is no ball.
+        far_joint_position
+            Of the arm at the far end, if there is one, shape (N,), rad.
         """
         self._arm.place(np.asarray(joint_position, dtype=np.float64))
+        if self._far_arm is not None and far_joint_position is not None:
+            self._far_arm.place(np.asarray(far_joint_position, dtype=np.float64))
         canvas = self._photograph()
         path = np.asarray(ball_path, dtype=np.float64).reshape(-1, 3)[-self.style.trail_steps - 1 :]
         if len(path) and np.isfinite(path[-1]).all():

@@ -15,15 +15,12 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.contract.outcome import MissReason, Outcome
-from msrd_ros.contract.translation import NANOSECONDS
-from msrd_ros.table_tennis.ball.camera import Camera, CameraConfig
+from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import Feed, Feeder
 from msrd_ros.table_tennis.simulation.rally import Rally, RallyConfig
+from msrd_ros.table_tennis.simulation.seen_ball import SeenBall, simulated_ns
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture
 from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE
-
-EPOCH_NS = NANOSECONDS
-"""Simulated time starts at one second: zero means "no time yet" in ROS."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +40,6 @@ class WorldConfig:
     rally: RallyConfig = field(default_factory=RallyConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
     seed: int = 0
-
-
-class Sample(NamedTuple):
-    """One frame of the camera: when it was taken and where the ball seemed to be, shape (3,), m."""
-
-    stamp_ns: int
-    position: NDArray[np.float64]
 
 
 class Tick(NamedTuple):
@@ -107,16 +97,13 @@ class World:
         self._feeds: deque[tuple[Feed, int]] = deque()
         self._served: StrategyLabel | None = None
         self._label: StrategyLabel | None = None
-        self._waiting_ball = np.array(Feeder().nominal(DEFAULT_SIDE).position)
-        self._camera = Camera(config.camera, np.random.default_rng(config.seed))
-        self._launch_ns = 0
-        self._sample = Sample(EPOCH_NS, self._waiting_ball)
+        self._seen = SeenBall(config.camera, config.seed)
         self.rally.reset(config.rally.robot.home_rad)
 
     @property
     def time_ns(self) -> int:
         """Simulated time in whole nanoseconds."""
-        return EPOCH_NS + round(self.rally.time * 1000.0) * (NANOSECONDS // 1000)
+        return simulated_ns(self.rally.time)
 
     @property
     def feeds_waiting(self) -> int:
@@ -129,22 +116,15 @@ class World:
 
     def tick(self) -> Tick:
         """What is seen now."""
-        if self.rally.ball_in_play:
-            frame = self._camera.newest((self.time_ns - self._launch_ns) / NANOSECONDS)
-            if frame is not None:
-                stamp_ns = self._launch_ns + round(frame.stamp * NANOSECONDS)
-                self._sample = Sample(stamp_ns, frame.position)
-        else:
-            # A ball that lies still is seen without noise: there is time to average over many frames.
-            self._sample = Sample(self.time_ns, self._waiting_ball)
         rally = self.rally
+        sample = self._seen.look(self.time_ns, rally.ball_in_play)
         return Tick(
             self.time_ns,
             rally.joint_position,
             rally.joint_velocity,
             rally.joint_effort,
-            self._sample.position,
-            self._sample.stamp_ns,
+            sample.position,
+            sample.stamp_ns,
             self._label,
         )
 
@@ -184,7 +164,7 @@ class World:
     def change_camera(self, config: CameraConfig) -> None:
         """See the ball better or worse from now on, at the same rate of frames."""
         self.config = replace(self.config, camera=config)
-        self._camera.config = config
+        self._seen.change_camera(config)
 
     def set_teaching(self, teaching: bool) -> None:
         """Switch between zero-g, led by the hand, and following commands."""
@@ -213,8 +193,7 @@ class World:
         if not self._feeds or self.rally.ball_in_play:
             return
         feed, not_before_ns = self._feeds[0]
-        shown = np.array_equal(self._waiting_ball, feed.position)
-        self._waiting_ball = np.array(feed.position)
+        shown = self._seen.wait_at(np.array(feed.position))
         # The ball is seen where it is launched from for one tick at least.
         if not shown or self.time_ns < not_before_ns:
             return
@@ -223,12 +202,7 @@ class World:
         self._feeds.popleft()
         self._label = self.strategy
         self.balls += 1
-        # Noise that depends on the ball alone, so that a rally repeats whatever came before it.
-        rng = np.random.default_rng((self.config.seed, self.balls))
-        self._camera = Camera(self.config.camera, rng)
-        self._launch_ns = self.time_ns
-        self._sample = Sample(self.time_ns, self._waiting_ball)
-        self._camera.offer(0.0, self._waiting_ball)
+        self._seen.launch(self.time_ns, self.balls)
         self.rally.launch(feed)
 
     def _finish(self, outcome: Outcome) -> None:
@@ -237,4 +211,4 @@ class World:
 
     def _watch(self, since_launch_s: float, ball: NDArray[np.float64]) -> None:
         """Show the camera where the ball is, once per simulation step."""
-        self._camera.offer(since_launch_s, ball[:3])
+        self._seen.offer(since_launch_s, ball[:3])

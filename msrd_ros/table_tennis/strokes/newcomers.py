@@ -127,7 +127,7 @@ class StrokeNewcomers(Newcomers):
     Raises
     ------
     UserError
-        If the strokes are not of the policies' strategies, or too few.
+        If the strokes are not of the policies' strategies, or too few, or the policies take a target.
     """
 
     def __init__(
@@ -140,6 +140,8 @@ class StrokeNewcomers(Newcomers):
     ) -> None:
         config = config or StrokeTrainingConfig()
         self.robot = policies.robot
+        if policies.takes_target:
+            raise UserError("newcomers take no target, and these policies do; give those before `aim`")
         demonstrations = gather_demonstrations(episodes, strategies or Strategies.shipped())
         if demonstrations.layout.labels != policies.policies.layout.labels:
             raise UserError(

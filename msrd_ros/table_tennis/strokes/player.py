@@ -12,7 +12,7 @@ from msrd_ros.contract.episode import ACTING_STEPS, CONTROL_PERIOD_S, HORIZON, a
 from msrd_ros.contract.translation import BallTracker
 from msrd_ros.robots.limits import JointReference, shape_command, velocity_towards
 from msrd_ros.robots.robot import Robot
-from msrd_ros.table_tennis.arm.via_point_path import find_path, follow_path
+from msrd_ros.table_tennis.arm.via_point_path import TRAVEL_SHARE, find_path, follow_path
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (N + 6,) to an action (N,)."""
@@ -20,6 +20,8 @@ PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 READY_TOLERANCE_RAD = 1e-5
 TRACKING_TOLERANCE_RAD = 0.25
 """A joint further than this from its command has met something."""
+RALLY_TRAVEL_SHARE = 0.8
+"""Of the speed limits, between two strokes of a rally, where the next ball is on its way."""
 FOUND_AGAIN = 0.2
 """Share of it within which the arm is back at its command."""
 
@@ -50,6 +52,9 @@ class StrokePlayer:
         Where the joints are now, shape (N,), rad.
     tracking_tolerance_rad
         A joint further than this from its command has strayed.
+    in_rally
+        Balls come back and again: a stroke is over as soon as its ball goes away, and a ball that set out
+        before the arm was ready is played as well.
     """
 
     def __init__(
@@ -57,6 +62,7 @@ class StrokePlayer:
         robot: Robot,
         joint_position: NDArray[np.float64],
         tracking_tolerance_rad: float = TRACKING_TOLERANCE_RAD,
+        in_rally: bool = False,
     ) -> None:
         self._robot = robot
         self._rest = np.zeros(robot.joint_count)
@@ -65,6 +71,9 @@ class StrokePlayer:
         self.phase = Phase.READYING
         self.strokes_begun = 0
         self._tracking_tolerance_rad = tracking_tolerance_rad
+        self._in_rally = in_rally
+        self._travel_share = RALLY_TRAVEL_SHARE if in_rally else TRAVEL_SHARE
+        self._awaits_ball = False
         self._policy: PolicyFunction | None = None
         self._ready_pose: NDArray[np.float64] = self._measured.copy()
         self._began_at: tuple[NDArray[np.float64], ...] = ()
@@ -105,6 +114,10 @@ class StrokePlayer:
         self._policy = policy
         self._ready_pose = np.clip(ready_pose, self._robot.limits.lowest_rad, self._robot.limits.highest_rad)
         self._set_out()
+
+    def take(self, policy: PolicyFunction) -> None:
+        """Play another policy from the same ready pose; only between strokes. No ball is missed for it."""
+        self._policy = policy
 
     def begin_at(self, joint_position: NDArray[np.float64]) -> None:
         """Start anew from where the arm rests, shape (N,), rad, after a time in which nobody commanded it."""
@@ -157,10 +170,14 @@ class StrokePlayer:
         was_fed = self._ball.fed
         if ball_position is not None:
             self._ball.add(ball_position, ball_stamp_ns)
-        if self.phase is Phase.READY and self._ball.fed and not was_fed and self._policy is not None:
+        self._awaits_ball = self._ball.fed and (not was_fed or (self._in_rally and self._awaits_ball))
+        if self.phase is Phase.READY and self._awaits_ball and self._policy is not None:
             self.phase, self._step = Phase.STROKE, 0
+            self._awaits_ball = False
             self.strokes_begun += 1
             self._began_at = (self._ready_pose,)
+        elif self.phase is Phase.STROKE and self._in_rally and not self._ball.fed:
+            self._set_out()
         if self.phase is Phase.STROKE:
             assert self._policy is not None
             action = self._policy(observe(joint_position, self._ball.position, self._ball.velocity))
@@ -212,10 +229,12 @@ class StrokePlayer:
     def _move_to_ready(self, period_s: float) -> None:
         if self._path is None:
             # The straight path from the end of a stroke may lead through the table.
-            self._path = find_path(self._robot, self.reference, self._ready_pose, self._began_at)
+            self._path = find_path(
+                self._robot, self.reference, self._ready_pose, self._began_at, self._travel_share
+            )
         under_way = bool(self._path)
         reference, self._path = follow_path(
-            self._robot, self.reference, self._path, self._ready_pose, period_s
+            self._robot, self.reference, self._path, self._ready_pose, period_s, self._travel_share
         )
         close = np.abs(reference.position - self._ready_pose).max() < READY_TOLERANCE_RAD
         slow = np.abs(reference.velocity).max() * period_s < READY_TOLERANCE_RAD

@@ -20,16 +20,26 @@ from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.robots.loading import default_robot
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.strategies.table import Side, Strategies
+from msrd_ros.table_tennis.strokes.reach import TARGET_NAMES, Reach, say_point
 
 PolicyFunction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps an observation (N + 6,) to an action (N,)."""
+RALLY_POLICIES_FILE = "rally.safetensors"
+"""Beside ``robot.yaml``: policies that learned from balls of rallies."""
 MOST_NOISE_RAD = 0.2
 """Of the start posture while exploring; the trainer's parameter goes as far."""
 
 
-def stroke_layout(robot: Robot, labels: Sequence[StrategyLabel] = ()) -> Layout:
-    """The layout of strokes of an arm: what every policy that the executor plays must have."""
-    return Layout(observation_names(robot), action_names(robot), tuple(map(str, labels)), CONTROL_PERIOD_S)
+def stroke_layout(robot: Robot, labels: Sequence[StrategyLabel] = (), takes_target: bool = False) -> Layout:
+    """The layout of strokes of an arm: what every policy that the executor plays must have.
+
+    Parameters
+    ----------
+    takes_target
+        Whether policies see where the ball is to land, behind the rest.
+    """
+    seen = (*observation_names(robot), *(TARGET_NAMES if takes_target else ()))
+    return Layout(seen, action_names(robot), tuple(map(str, labels)), CONTROL_PERIOD_S)
 
 
 class StrokeDraws(NamedTuple):
@@ -57,11 +67,29 @@ class StrokeFacts:
         Mean landing point of their returned balls, shape (2,), m; NaN where unknown.
     side
         Where balls are fed.
+    reach
+        Where balls land when they are told to; None of policies that take no target.
     """
 
     ready_pose: NDArray[np.float64]
     landing_point: NDArray[np.float64]
     side: Side
+    reach: Reach | None = None
+
+    def require_reach(self, target: NDArray[np.float64], whose: str) -> None:
+        """Refuse a target (2,), m, that the strategy cannot be told to hit.
+
+        Raises
+        ------
+        UserError
+            If its policy takes none, or it is out of reach; names the nearest that is in reach.
+        """
+        if self.reach is None:
+            raise UserError(
+                f"target {say_point(target)}: the policy of {whose} takes no target; learn targets for it: "
+                "`python -m msrd_ros aim`"
+            )
+        self.reach.require(target, whose)
 
 
 @dataclass(frozen=True)
@@ -94,6 +122,11 @@ class StrokePolicies:
         return tuple(self.facts)
 
     @property
+    def takes_target(self) -> bool:
+        """Whether these policies can be told where the ball is to land; those of 0.1.0 cannot."""
+        return self.policies.layout.observation_names[-len(TARGET_NAMES) :] == TARGET_NAMES
+
+    @property
     def digest(self) -> str:
         """Tells these policies and their draws from others, in few letters."""
         weights = self.policies.digest[:12]
@@ -112,13 +145,34 @@ class StrokePolicies:
             raise UserError(f"no policy for strategy {label}; the checkpoint has {known}")
         return self.facts[label]
 
-    def play(self, label: StrategyLabel, draws: StrokeDraws) -> PolicyFunction:
-        """One stroke of a strategy: its mean actions, varied by `draws` if exploration is wanted."""
+    def play(
+        self, label: StrategyLabel, draws: StrokeDraws, target: NDArray[np.float64] | None = None
+    ) -> PolicyFunction:
+        """One stroke of a strategy: its mean actions, varied by `draws` if exploration is wanted.
+
+        Parameters
+        ----------
+        target
+            Where the ball is to land, (2,), m; None: at the teacher's mean point. Whether it is in reach is
+            for `StrokeFacts.reach` to say.
+
+        Raises
+        ------
+        UserError
+            If a target is given to policies that take none.
+        """
+        if target is not None and not self.takes_target:
+            raise UserError(f"policies {self.digest} take no target; learn targets for them with `aim`")
         policy = self.policies.policy(str(label))
-        if self.exploration_seed is None:
-            return lambda observation: np.asarray(policy.act(observation), dtype=np.float64)
-        noise = iter(draws.action)
-        return lambda observation: np.asarray(policy.act(observation, next(noise)), dtype=np.float64)
+        aimed_at = self.facts[label].landing_point if target is None else target
+        tail = aimed_at if self.takes_target else np.zeros(0)
+        noise = None if self.exploration_seed is None else iter(draws.action)
+
+        def act(observation: NDArray[np.float64]) -> NDArray[np.float64]:
+            seen = np.concatenate([observation, tail])
+            return np.asarray(policy.act(seen, None if noise is None else next(noise)), dtype=np.float64)
+
+        return act
 
     def to_bytes(self) -> bytes:
         """A policy file that holds the strokes' facts, too."""
@@ -129,6 +183,7 @@ class StrokePolicies:
                     "ready_pose": facts.ready_pose.tolist(),
                     "landing_point": [None if math.isnan(x) else x for x in facts.landing_point.tolist()],
                     "side": facts.side.value,
+                    **({} if facts.reach is None else {"reach": facts.reach.to_json()}),
                 }
                 for label, facts in self.facts.items()
             },
@@ -152,7 +207,8 @@ class StrokePolicies:
         details = policies.details
         # 0.1.0 knew one arm and did not say so.
         arm.require(str(details.get("robot", DEFAULT_ROBOT)), where)
-        policies.layout.require(stroke_layout(arm), where)
+        told = policies.layout.observation_names[-len(TARGET_NAMES) :] == TARGET_NAMES
+        policies.layout.require(stroke_layout(arm, takes_target=told), where)
         strokes = details.get("strokes")
         if not isinstance(strokes, dict):
             raise UserError(f"{where}: has no ready poses; give a policies file that the trainer node wrote")
@@ -177,7 +233,8 @@ class StrokePolicies:
             if not fits.all():
                 joint = arm.joint_names[int(np.argmin(fits))]
                 raise UserError(f"{where}: ready pose of {text}: joint {joint} is out of its limits")
-            facts[label] = StrokeFacts(ready_pose, landing_point, _read_side(stroke, label, where))
+            reach = _read_reach(stroke, landing_point, label, where) if told else None
+            facts[label] = StrokeFacts(ready_pose, landing_point, _read_side(stroke, label, where), reach)
         seed, noise_rad = _read_exploration(details, where)
         return cls(policies, facts, seed, noise_rad, arm)
 
@@ -193,6 +250,23 @@ class StrokePolicies:
         return cls.from_bytes(data, str(path), robot)
 
 
+def rally_policies(robot: Robot) -> StrokePolicies:
+    """The policies for rallies that come with an arm.
+
+    Raises
+    ------
+    UserError
+        If none do.
+    """
+    path = robot.folder / RALLY_POLICIES_FILE
+    if not path.is_file():
+        raise UserError(
+            f"{robot.name}: no policies for rallies come with it ({path}); give a checkpoint, or learn them "
+            f"with python -m msrd_ros learn-rally --robot {robot.name}"
+        )
+    return StrokePolicies.load(path, robot)
+
+
 def _read_numbers(
     stroke: Mapping[str, Any], name: str, label: StrategyLabel, where: str
 ) -> NDArray[np.float64]:
@@ -205,6 +279,15 @@ def _read_numbers(
     except (TypeError, ValueError, OverflowError):
         raise UserError(f"{what} does not hold numbers; train again") from None
     return numbers
+
+
+def _read_reach(
+    stroke: Mapping[str, Any], landing_point: NDArray[np.float64], label: StrategyLabel, where: str
+) -> Reach:
+    """The reach of a strategy that takes a target, and a landing point for when there is none."""
+    if not np.isfinite(landing_point).all():
+        raise UserError(f"{where}: the landing point of {label} is not known; learn the targets again")
+    return Reach.from_json(stroke.get("reach"), f"{where}: {label}")
 
 
 def _read_exploration(details: Mapping[str, Any], where: str) -> tuple[int | None, float]:

@@ -50,8 +50,9 @@ class Rate:
 class LabelRates:
     """What became of the balls of one strategy.
 
-    Spin and landing points are of returned balls only; spin about the y axis in rad/s, + is topspin. Where
-    nobody judges the strategy's spin, `spin_class_right` is None.
+    Spin, landing points and targets are of returned balls only; spin about the y axis in rad/s, + is topspin.
+    Where nobody judges the strategy's spin, `spin_class_right` is None; where all balls were to land at one
+    place, `targets` is.
     """
 
     fed: int
@@ -64,6 +65,7 @@ class LabelRates:
     landing_points: list[tuple[float, float]]
     spins: list[float]
     miss_reasons: dict[str, int]
+    targets: list[tuple[float, float]] | None = None
 
     @classmethod
     def of(
@@ -82,7 +84,8 @@ class LabelRates:
         outcomes
             One per ball.
         landing_point
-            Where the demonstrations landed on average, shape (2,), m; None or NaN where unknown.
+            Where balls are to land, m: one place for all, shape (2,), such as where the demonstrations landed
+            on average, or a target for each, (n, 2); None or NaN where unknown.
         strategies
             Who judges spin; None takes the package's.
         """
@@ -90,10 +93,10 @@ class LabelRates:
         back = [outcome for outcome in outcomes if outcome.returned]
         spins = [outcome.spin_y_rad_s for outcome in back]
         points = [(outcome.landing_x_m, outcome.landing_y_m) for outcome in back]
-        near = 0
-        known = landing_point is not None and bool(np.isfinite(landing_point).all())
-        if known:
-            near = sum(math.dist(point, landing_point) <= LANDING_RADIUS_M for point in points)  # type: ignore[arg-type]
+        wanted = np.broadcast_to(math.nan if landing_point is None else landing_point, (len(outcomes), 2))
+        known = bool(np.isfinite(wanted).all())
+        targets = [(float(x), float(y)) for (x, y), one in zip(wanted, outcomes, strict=True) if one.returned]
+        near = sum(math.dist(*pair) <= LANDING_RADIUS_M for pair in zip(points, targets, strict=True))
         reasons: dict[str, int] = {}
         for outcome in outcomes:
             if not outcome.returned:
@@ -111,6 +114,7 @@ class LabelRates:
             points,
             spins,
             reasons,
+            None if landing_point is None or landing_point.ndim == 1 else targets,
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Rollouts of strokes one by one: what is played, and playing it in Bullet in worker processes.
+"""Rollouts of strokes one by one: what is played, and workers that play it in Bullet.
 
 A batch of strokes is fully described by a seed and the number of balls played before it, so that Bullet
 workers and rollouts over topics give the same trajectories.
@@ -6,15 +6,15 @@ workers and rollouts over topics give the same trajectories.
 
 from __future__ import annotations
 
-import multiprocessing
+import pickle
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.contract.episode import (
     ACTING_STEPS,
     CONTROL_PERIOD_S,
@@ -34,10 +34,20 @@ from msrd_ros.table_tennis.simulation.world import Tick, World, WorldConfig
 from msrd_ros.table_tennis.strokes.player import PolicyFunction, StrokePlayer
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
 
+T = TypeVar("T")
+
 FEED_STREAM = 0xF00D
+
+BALLS_PER_UNIT = 12
+"""About half a second of Bullet: long beside what handing out a unit takes, and short beside an iteration."""
 
 PolicySource = Callable[[], StrokePolicies]
 """Gives the trainer's present policies with their ready poses."""
+
+
+def in_units(balls: Sequence[T]) -> list[Sequence[T]]:
+    """Balls in the parts in which workers play them; these do not depend on how many workers there are."""
+    return [balls[first : first + BALLS_PER_UNIT] for first in range(0, len(balls), BALLS_PER_UNIT)]
 
 
 class Stroke(NamedTuple):
@@ -189,69 +199,54 @@ def play_in_world(
     return assembler.assemble(), world.results.popleft().outcome
 
 
-_world: World | None = None
+_kept: tuple[bytes, World] | None = None
 
 
-def _open_world(config: WorldConfig) -> None:
-    global _world
-    _world = World(config)
+def kept_world(config: bytes) -> World:
+    """The world of this process for a pickled `WorldConfig`, kept for as long as it is the same one's.
+
+    What is played in it does not depend on what was played before.
+    """
+    global _kept
+    if _kept is None or _kept[0] != config:
+        if _kept is not None:
+            _kept[1].close()
+        _kept = config, World(pickle.loads(config))
+    return _kept[1]
 
 
-def _play(
-    data: bytes, strokes: Sequence[Stroke], balls_before: int, ready_noise_rad: float, seed: int
-) -> list[tuple[Episode, Outcome]]:
-    assert _world is not None
-    policies = StrokePolicies.from_bytes(data, "rollout policies", _world.config.rally.robot)
+def _play(shared: tuple[bytes, bytes, int], strokes: Sequence[Stroke]) -> list[tuple[Episode, Outcome]]:
+    config, data, balls_before = shared
+    world = kept_world(config)
+    policies = StrokePolicies.from_bytes(data, "rollout policies", world.config.rally.robot)
+    seed, noise_rad = policies.exploration_seed, policies.ready_noise_rad
+    assert seed is not None
     return [
-        play_stroke(_world, policies, stroke, balls_before + stroke.number, ready_noise_rad, seed)
+        play_stroke(world, policies, stroke, balls_before + stroke.number, noise_rad, seed)
         for stroke in strokes
     ]
 
 
 class BulletPlayers:
-    """Worker processes with a Bullet world each.
+    """Workers that play in Bullet worlds of their own.
 
     Parameters
     ----------
     workers
-        How many; the results do not depend on it.
+        Who plays.
     config
         Of the worlds.
     """
 
-    def __init__(self, workers: int, config: WorldConfig) -> None:
+    def __init__(self, workers: Workers, config: WorldConfig) -> None:
         self._workers = workers
-        context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(workers, context, _open_world, (config,))
+        self._config = pickle.dumps(config)
 
     def play(self, batch: StrokeBatch) -> list[tuple[Episode, Outcome]]:
         """Play a batch; episodes and outcomes in its order."""
-        policies = batch.policies
-        seed = policies.exploration_seed
-        assert seed is not None
-        return self.play_strokes(policies, batch.strokes, batch.balls_before, policies.ready_noise_rad, seed)
-
-    def play_strokes(
-        self,
-        policies: StrokePolicies,
-        strokes: Sequence[Stroke],
-        balls_before: int,
-        ready_noise_rad: float,
-        seed: int,
-    ) -> list[tuple[Episode, Outcome]]:
-        """Play single strokes; see `play_stroke`."""
-        data = policies.to_bytes()
-        chunks: list[NDArray[np.intp]] = np.array_split(np.arange(len(strokes)), self._workers * 4)
-        jobs = [
-            self._pool.submit(_play, data, [strokes[i] for i in chunk], balls_before, ready_noise_rad, seed)
-            for chunk in chunks
-            if len(chunk)
-        ]
-        return [result for job in jobs for result in job.result()]
-
-    def close(self) -> None:
-        """End the workers."""
-        self._pool.shutdown(cancel_futures=True)
+        shared = self._config, batch.policies.to_bytes(), batch.balls_before
+        units = [(part,) for part in in_units(batch.strokes)]
+        return [result for results in self._workers.map(_play, units, shared) for result in results]
 
 
 class BulletCollector:

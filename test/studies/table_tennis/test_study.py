@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import friedmanchisquare
 
+from msrd_ros.cluster.processes import ThisProcess
 from msrd_ros.contract.episode import CONTROL_PERIOD_S, HORIZON, Episode
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.resources import shipped_bags
@@ -19,8 +20,8 @@ from msrd_ros.studies.table_tennis.methods import MAIN_METHODS, METHODS, Budget,
 from msrd_ros.studies.table_tennis.playing import (
     Conditions,
     ReplayedMotions,
-    Table,
     evaluation_balls,
+    play_balls,
 )
 from msrd_ros.studies.table_tennis.recording import StudyData, first_incomplete, load_episodes, split
 from msrd_ros.studies.table_tennis.report import write_report
@@ -241,9 +242,9 @@ def test_replay_on_the_demonstrations_own_feed_and_posture_strikes(data: StudyDa
     episodes = [episode for episode in data.training if episode.label == label][:3]
     balls = evaluation_balls([label], 3, 1, STANDARD)
     conditions = Conditions(ready_noise_rad=0.0)
-    with Table(0) as table:
-        played = table.play(ReplayedMotions({label: episodes}), balls, conditions)
-        again = table.play(ReplayedMotions({label: episodes}), balls, conditions)
+    workers = ThisProcess()
+    played = play_balls(workers, ReplayedMotions({label: episodes}), balls, conditions)
+    again = play_balls(workers, ReplayedMotions({label: episodes}), balls, conditions)
     # The same balls give the same rallies, whatever was played before; only their count goes on.
     first, second = ([replace(o, ball_id=0) for o in one.outcomes] for one in (played, again))
     assert repr(first) == repr(second)
@@ -274,7 +275,7 @@ def test_every_condition_has_a_file_of_its_own() -> None:
 
 
 def test_forehand_and_backhand_may_share_a_strategy_reward(data: StudyData) -> None:
-    budget = Budget(iterations=1, episodes=4, cloning_steps=5, threads=1)
+    budget = Budget(iterations=1, episodes=4, cloning_steps=5)
     training = make_training(METHODS["msrd_per_stroke"], data, budget, 0)
     assert training.reward_groups == ("push", "slice", "topspin")
     assert training.trainer.averaged_rewards.strategy_network.copies == 3

@@ -12,7 +12,8 @@ from msrd_ros.contract.episode import CONTROL_PERIOD_S
 from msrd_ros.contract.outcome import MissReason
 from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import STANDARD, Feed, Feeder
-from msrd_ros.table_tennis.simulation.world import EPOCH_NS, World, WorldConfig
+from msrd_ros.table_tennis.simulation.seen_ball import EPOCH_NS
+from msrd_ros.table_tennis.simulation.world import World, WorldConfig
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.rollouts import Stroke, play_stroke

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from made_up_policies import made_up_policies
 from msrd_ros.contract.episode import Episode
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.core.errors import UserError
@@ -17,6 +18,7 @@ from msrd_ros.learning.newcomers.recognition import Verdict
 from msrd_ros.recordings.demonstrations import load_strokes
 from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strokes.reach import Reach
 from sawyer import ROBOT
 
 
@@ -97,6 +99,8 @@ def test_what_cannot_be_met_is_refused() -> None:
         newcomers.meet_strokes(two)
     with pytest.raises(UserError, match=r"the policies are of .*; give those that they were learned from"):
         StrokeNewcomers(shipped(), None, of("forehand-push", "subject_01"))
+    with pytest.raises(UserError, match="newcomers take no target, and these policies do"):
+        StrokeNewcomers(made_up_policies(reach=Reach.grid([0.4, 0.8], [-0.2, 0.2])), None, episodes())
     forehand = [each for each in episodes() if str(each.label).startswith("forehand")]
     policies = shipped()
     for label in policies.labels:

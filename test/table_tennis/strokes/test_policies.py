@@ -16,6 +16,8 @@ from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strategies.table import Side
 from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokeFacts, StrokePolicies
+from msrd_ros.table_tennis.strokes.reach import Reach
+from processes import CHECKOUT
 from sawyer import JOINT_COUNT, ROBOT
 
 pytestmark = pytest.mark.slow
@@ -34,6 +36,54 @@ def test_a_file_reads_back_exactly(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read.facts[label].ready_pose, policies.facts[label].ready_pose)
         np.testing.assert_array_equal(read.facts[label].landing_point, policies.facts[label].landing_point)
     assert read.to_bytes() == policies.to_bytes()
+
+
+def test_policies_that_take_a_target_read_back_with_their_reach() -> None:
+    reach = replace(Reach.grid([0.4, 0.8], [-0.2, 0.2]), hits=np.array([[True, False], [True, True]]))
+    policies = made_up_policies(ALL_LABELS[:2], reach=reach)
+    read = StrokePolicies.from_bytes(policies.to_bytes(), "x")
+    assert read.takes_target
+    for facts in read.facts.values():
+        assert facts.reach is not None
+        np.testing.assert_array_equal(facts.reach.hits, reach.hits)
+        np.testing.assert_array_equal(facts.reach.points, reach.points)
+    assert read.to_bytes() == policies.to_bytes()
+
+
+def test_without_a_target_the_teachers_mean_point_is_aimed_at() -> None:
+    policies = made_up_policies(reach=Reach.grid([0.4, 0.8], [-0.2, 0.2]))
+    label, seen = ALL_LABELS[2], np.linspace(-1.0, 1.0, 13)
+    draws = StrokeDraws.of(0, 0, JOINT_COUNT)
+    home = policies.play(label, draws, policies.facts[label].landing_point)(seen)
+    np.testing.assert_array_equal(policies.play(label, draws)(seen), home)
+    assert not np.allclose(policies.play(label, draws, np.array([0.4, -0.2]))(seen), home)
+
+
+def test_policies_of_an_earlier_file_take_no_target_and_say_so() -> None:
+    policies = StrokePolicies.load(CHECKOUT / "test" / "data" / "0.1.0" / "policies.safetensors")
+    assert not policies.takes_target
+    label = policies.labels[0]
+    with pytest.raises(UserError, match="take no target; learn targets for them with `aim`"):
+        policies.play(label, StrokeDraws.of(0, 0, JOINT_COUNT), np.array([0.7, 0.0]))
+    with pytest.raises(UserError, match=f"the policy of {label} takes no target"):
+        policies.facts[label].require_reach(np.array([0.7, 0.0]), str(label))
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"reach": None},
+        {"reach": {"x_m": [0.4, 0.8], "y_m": [-0.2, 0.2], "hits": ["10"]}},
+        {"reach": {"x_m": [0.8, 0.4], "y_m": [-0.2, 0.2], "hits": ["10", "11"]}},
+        {"reach": {"x_m": [0.4, 0.8], "y_m": [-0.2, 0.2], "hits": ["1x", "11"]}},
+    ],
+)
+def test_a_reach_that_is_no_grid_is_refused(damage: dict[str, Any]) -> None:
+    policies = made_up_policies(ALL_LABELS[:1], reach=Reach.grid([0.4, 0.8], [-0.2, 0.2]))
+    whole = StrokePolicies.from_bytes(policies.to_bytes(), "x").policies
+    whole.details["strokes"][str(ALL_LABELS[0])].update(damage)
+    with pytest.raises(UserError, match="x: forehand-push: the reach is no grid of targets"):
+        StrokePolicies.from_bytes(whole.to_bytes(), "x")
 
 
 def test_draws_are_the_strokes_own_and_means_take_none() -> None:

@@ -69,6 +69,17 @@ def test_balls_are_counted_for_what_they_were() -> None:
     assert row.spin_sd == pytest.approx(np.std([90.0, 80.0, 10.0, -90.0]))
 
 
+def test_each_ball_may_have_a_target_of_its_own() -> None:
+    landed = [(ball.landing_x_m, ball.landing_y_m) if ball.returned else (0.5, 0.5) for ball in BALLS]
+    near, far = np.add(landed, (0.0, 0.19)), np.add(landed, (0.0, 0.21))
+    row = LabelRates.of(TOPSPIN, BALLS, np.concatenate([near[:2], far[2:]]))
+    back = [ball.returned for ball in BALLS]
+    assert (row.within_20cm.count, row.within_20cm.total) == (sum(back[:2]), 4)
+    assert row.targets is not None
+    np.testing.assert_array_equal(row.targets, np.concatenate([near[:2], far[2:]])[back])
+    assert LabelRates.of(TOPSPIN, BALLS, np.array([0.9, 0.0])).targets is None
+
+
 def test_a_spin_that_nobody_judges_is_null_and_a_dash() -> None:
     row = LabelRates.of(StrategyLabel.parse("my-smash"), BALLS, None)
     read = row.to_json()

@@ -1,0 +1,1 @@
+"""Two arms that play each other: rallies in process, and what is reported of them."""
