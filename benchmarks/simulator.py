@@ -106,11 +106,17 @@ def batched(threads: Sequence[int], clock: Clock = time.perf_counter) -> Iterato
         yield timed(name, len(plans) * BATCHED_EPISODES, play, clock)
 
 
-def over_topics(episodes: int) -> Rate:
+class Topics(NamedTuple):
+    """What was played over topics, and milliseconds of the processor that a tick took in either process."""
+
+    rate: Rate
+    tick_ms: dict[str, float]
+
+
+def over_topics(episodes: int) -> Topics:
     """Lockstep through executor and simulator, each a process."""
     with tempfile.TemporaryDirectory() as folder, Stack(DOMAIN_ID, folder) as stack:
-        stack.start_simulator(show=False)
-        stack.start("executor")
+        nodes = {"simulator": stack.start_simulator(show=False), "executor": stack.start("executor")}
         collector = TopicCollector(stack.node, made_up_policies, "standard", 0.03, 120.0)
 
         def play(strokes: StrokeBatch) -> None:
@@ -121,7 +127,17 @@ def over_topics(episodes: int) -> Rate:
         play(batch(6, 0))
         strokes = batch(episodes, 1)
         # On the way to the ready pose time passes, too; it is not counted as played.
-        return timed("over topics in lockstep", len(strokes.strokes), lambda: play(strokes))
+        before, ticks = {name: node.cpu_seconds() for name, node in nodes.items()}, ticks_so_far(stack)
+        rate = timed("over topics in lockstep", len(strokes.strokes), lambda: play(strokes))
+        used = {name: node.cpu_seconds() - before[name] for name, node in nodes.items()}
+        passed = ticks_so_far(stack) - ticks
+        return Topics(rate, {name: 1e3 * seconds / passed for name, seconds in used.items()})
+
+
+def ticks_so_far(stack: Stack) -> int:
+    """What the simulator says next of how many ticks it has published."""
+    stack.diagnostics.pop("simulator", None)
+    return int(stack.wait_until(lambda: stack.diagnostics.get("simulator"), "diagnostics")["ticks"])
 
 
 def main() -> int:
@@ -131,12 +147,11 @@ def main() -> int:
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2], help="processes, and threads")
     words = parser.parse_args()
     print(f"load of the machine at the start: {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
-    for rate in (
-        *in_bullet(words.workers, words.episodes),
-        *batched(words.workers),
-        over_topics(words.episodes),
-    ):
+    topics = over_topics(words.episodes)
+    for rate in (*in_bullet(words.workers, words.episodes), *batched(words.workers), topics.rate):
         print(f"{rate.what:42s} {rate.episodes:9.1f} episodes a second {rate.real_time:9.0f} x real time")
+    for name, tick_ms in topics.tick_ms.items():
+        print(f"{name:42s} {tick_ms:9.3f} ms of the processor a tick")
     return 0
 
 
