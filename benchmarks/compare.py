@@ -69,6 +69,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", choices=list(parts), default=list(parts), help="which parts")
     parser.add_argument("--out", type=Path, default=CHECKOUT / "out" / "benchmarks", help="folder to write")
     words = parser.parse_args()
+    words.out = words.out.resolve()
     words.out.mkdir(parents=True, exist_ok=True)
     head = (
         f"{os.cpu_count()} cores, Python {platform.python_version()}; load of the machine at the start "

@@ -66,31 +66,31 @@ def demonstrations(strategies: int, count: int = 20) -> Demonstrations:
 
 
 def measure(trainers: list[MSRD], iterations: int) -> dict[str, float]:
-    """Seconds per iteration of all trainers together, in whole and by part."""
+    """Processor seconds per iteration of all trainers together, in whole and by part."""
     for trainer in trainers:
         trainer.iterate()
-    start = time.perf_counter()
+    start = time.process_time()
     for trainer in trainers:
         for _ in range(iterations):
             trainer.iterate()
-    return {"iteration": (time.perf_counter() - start) / iterations, **seconds_of_parts(trainers)}
+    return {"iteration": (time.process_time() - start) / iterations, **seconds_of_parts(trainers)}
 
 
 def seconds_of_parts(trainers: list[MSRD]) -> dict[str, float]:
-    """Seconds of one more iteration of all trainers together, by part.
+    """Processor seconds of one more iteration of all trainers together, by part.
 
-    Value functions are fitted on a thread beside the TRPO step, so that the parts overlap.
+    Each by the clock of its thread: value functions are fitted beside the TRPO step, where there is a core.
     """
     seconds = dict.fromkeys(PARTS, 0.0)
 
     def timed(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def run(*arguments: Any) -> Any:
-            start = time.perf_counter()
+            start = time.thread_time()
             try:
                 return function(*arguments)
             finally:
-                seconds[part] += time.perf_counter() - start
+                seconds[part] += time.thread_time() - start
 
         return run
 
@@ -160,7 +160,9 @@ def main() -> None:
     for part in batched:
         ratio = looped[part] / batched[part]
         print(f"{part:<16}{1e3 * batched[part]:>10.1f}{1e3 * looped[part]:>10.1f}{ratio:>8.1f}")
-    print(f"{steps / batched['iteration']:.0f} environment steps a second, learning included")
+    print(
+        f"{steps / batched['iteration']:.0f} environment steps a second of the processor, learning included"
+    )
 
 
 if __name__ == "__main__":

@@ -61,9 +61,10 @@ def ask(python: Path, script: str, *arguments: str, timeout_s: float = 900.0) ->
     """
     variables = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore"}
     command = [str(python), str(SCRIPTS / script), *arguments]
+    beside = python.parent.parent  # MuJoCo writes its log to where it is started
     try:
         done = subprocess.run(
-            command, env=variables, capture_output=True, timeout=timeout_s, text=True, check=False
+            command, cwd=beside, env=variables, capture_output=True, timeout=timeout_s, text=True, check=False
         )
     except subprocess.TimeoutExpired:
         raise NotInstalledError(f"{script} had not ended after {timeout_s:.0f} s") from None

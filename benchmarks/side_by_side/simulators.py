@@ -21,7 +21,7 @@ NOTE = (
     "strokes of random policies, 1.96 s an episode, the way back to the ready pose played but not "
     "counted. Theirs: uniform random actions over gymnasium's step, simulated time as MuJoCo tells "
     "it. Fancy Gym has a Barrett WAM of 7 joints at 2 ms steps; MyoSuite an arm and trunk of 275 "
-    "muscles and free joints"
+    "actuators, most of them muscles"
 )
 
 
