@@ -15,7 +15,7 @@ RIVALS = (
     ("Fancy Gym 0.3.0, TableTennis4D", "old-mujoco", OLD_MUJOCO, "fancy_gym", "fancy/TableTennis4D-v0"),
     ("MyoSuite 3.0.0, TableTennisP1", "myosuite", MYOSUITE, "myosuite", "myoChallengeTableTennisP1-v0"),
 )
-"""All of PyPI's packages that have table tennis with an arm; by name, environment, module and task."""
+"""What was found on PyPI with an arm at a table: name, environment, requirements, module and task."""
 NOTE = (
     "simulated seconds a second of the processor, one process, one thread, resets included. Ours: "
     "strokes of random policies, 1.96 s an episode, the way back to the ready pose played but not "

@@ -1,10 +1,9 @@
-"""How long a node takes from its start until it answers: right after an installation, and later."""
+"""What a node takes of the processor until it answers: right after an installation, and later."""
 
 from __future__ import annotations
 
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -30,14 +29,14 @@ NODES: Mapping[str, Mapping[str, object]] = {
 BARE = "import rclpy; from rclpy.node import Node; rclpy.init(); rclpy.spin(Node('bare'))"
 PATIENCE_S = 300.0
 NOTE = (
-    "from the process's start until the node answers a request for its parameters; beside a node of "
-    "rclpy alone that does nothing; first: nothing is compiled yet, as after an installation; later: "
-    "the median of three"
+    "seconds of the processor, from the process's start until the node answers a request for its "
+    "parameters; beside a node of rclpy alone that does nothing; first: nothing is compiled yet, as "
+    "after an installation; later: the median of three"
 )
 
 
-def seconds_until_answer(stack: Stack, process: RunningProcess, name: str, began_s: float) -> float:
-    """Wait until a node answers, and end it."""
+def seconds_until_answer(stack: Stack, process: RunningProcess, name: str) -> float:
+    """Wait until a node answers, and end it; seconds of the processor that it has used until then."""
     client = stack.node.create_client(ListParameters, f"/{name}/list_parameters")
     future: Any = None
 
@@ -48,7 +47,7 @@ def seconds_until_answer(stack: Stack, process: RunningProcess, name: str, began
         return future is not None and bool(future.done())
 
     stack.wait_until(answered, f"answer of {name}", PATIENCE_S, process)
-    took_s = time.monotonic() - began_s
+    took_s = process.cpu_seconds()
     stack.node.destroy_client(client)
     process.stop()
     stack.wait_until(lambda: name not in stack.node.get_node_names(), f"end of {name}")
@@ -64,9 +63,8 @@ def compare(starts: int = 3) -> Iterator[Comparison]:
             launcher.set("NUMBA_CACHE_DIR", str(Path(folder, "compiled", name)))
             times = []
             for _ in range(1 + starts):
-                began_s = time.monotonic()
                 process = launcher.start(name, parameters=dict(parameters))
-                times.append(seconds_until_answer(stack, process, name, began_s))
+                times.append(seconds_until_answer(stack, process, name))
             for when, seconds in (("first", times[0]), ("later", sorted(times[1:])[starts // 2])):
                 what = f"start of {name}, {when}"
                 yield Comparison(what, "s", seconds, "bare rclpy node", bare, less_is_better=True, note=NOTE)
@@ -74,6 +72,5 @@ def compare(starts: int = 3) -> Iterator[Comparison]:
 
 def _bare(stack: Stack, folder: Path) -> float:
     environment = {**Installation("checkout", checkout=True).environment(), "ROS_DOMAIN_ID": str(DOMAIN_ID)}
-    began_s = time.monotonic()
     process = RunningProcess("bare", [sys.executable, "-c", BARE], environment, folder)
-    return seconds_until_answer(stack, process, "bare", began_s)
+    return seconds_until_answer(stack, process, "bare")
