@@ -28,7 +28,7 @@ unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo rally studio test suite test-fast test-lowest test-lerobot coverage campaign soak docs lint format dist clean
+.PHONY: help venv demo rally studio test suite test-fast test-lowest test-lerobot coverage benchmarks campaign soak docs lint format dist clean
 
 help:  ## Say what there is
 	@echo "make <target>, with"
@@ -90,6 +90,9 @@ $(LEROBOT)/.complete: setup.py constraints-lerobot.txt
 
 coverage: $(STAMP)  ## Run all tests and show which lines of the package they reach
 	$(PYTEST) --cov --cov-report term:skip-covered $(PYTEST_ARGS)
+
+benchmarks: $(STAMP)  ## Measure ours beside others' (learning, simulators, bags, start); table in out/benchmarks
+	$(BIN)/python benchmarks/compare.py
 
 campaign: $(STAMP)  ## Break the running stack in every way that is known, for about 45 minutes; goes on where it stopped
 	$(BIN)/python benchmarks/campaign.py

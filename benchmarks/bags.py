@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import rclpy
@@ -96,8 +97,18 @@ def sessions(seconds: float, joint_hz: float) -> Iterator[tuple[StrategyLabel, l
         yield label, stroke_messages(str(label), start_ns, joint_hz=joint_hz, ball_id=number)
 
 
-def record(folder: Path, seconds: float, joint_hz: float) -> int:
-    """Stream strokes to a recorder; how many messages it lost."""
+class Recording(NamedTuple):
+    """What became of a stream: messages sent and lost, all faults, its length in s, the recorder's cores."""
+
+    sent: int
+    lost: int
+    faults: int
+    seconds: float
+    core: float
+
+
+def record(folder: Path, seconds: float, joint_hz: float) -> Recording:
+    """Stream strokes to a recorder."""
     os.environ.update(ROS_DOMAIN_ID=str(DOMAIN_ID), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
     rclpy.init()
     launcher = Launcher(Installation("checkout", checkout=True), DOMAIN_ID, folder)
@@ -128,7 +139,7 @@ def record(folder: Path, seconds: float, joint_hz: float) -> int:
         for verdict in source.verdicts:
             if verdict["kept"] != "true":
                 print(f"  ball {verdict['ball_id']}: {verdict['reason']}, {verdict['detail']}")
-        return lost + gaps + len(strokes) - kept
+        return Recording(sent, lost, lost + gaps + len(strokes) - kept, span_s, cpu_s / span_s)
     finally:
         launcher.close()
         try_shutdown()
@@ -187,7 +198,7 @@ def main() -> int:
         write_and_read(Path(folder), options.strokes)
         failed = 0
         if options.seconds:
-            failed = record(Path(folder), options.seconds, options.joint_hz) + replay(Path(folder))
+            failed = record(Path(folder), options.seconds, options.joint_hz).faults + replay(Path(folder))
     return 1 if failed else 0
 
 

@@ -1,8 +1,9 @@
-"""How long one MSRD iteration takes, and what stepping all strategies in one tensor saves.
+"""How long one MSRD iteration takes, what stepping all strategies in one tensor saves, and how it grows.
 
 Run from the repository:
-``python benchmarks/learning_core.py [--strategies 20] [--iterations 10] [--threads 1]``.
-"Batched" is one trainer for all strategies; "looped" is the same work done strategy by strategy.
+``python benchmarks/learning_core.py [--strategies 20] [--iterations 10] [--threads 1] [--growth]``.
+"Batched" is one trainer for all strategies; "looped" is the same work done strategy by strategy. With
+``--growth`` one of strategies, demonstrations and episodes a strategy is changed at a time instead.
 """
 
 from __future__ import annotations
@@ -10,10 +11,10 @@ from __future__ import annotations
 import argparse
 import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 from unittest import mock
 
 import numpy as np
@@ -56,40 +57,40 @@ class Drift:
         return self._state
 
 
-def demonstrations(strategies: int) -> Demonstrations:
+def demonstrations(strategies: int, count: int = 20) -> Demonstrations:
     """Random but bounded trajectories: their content does not matter for timing."""
     rng = np.random.default_rng(0)
     layout = Layout(Drift.observation_names, Drift.action_names, tuple(map(str, range(strategies))), 0.04)
-    observations = rng.normal(scale=0.1, size=(strategies, 20, 251, 4))
-    return Demonstrations(observations, rng.normal(size=(strategies, 20, 250, 1)), layout)
+    observations = rng.normal(scale=0.1, size=(strategies, count, 251, 4))
+    return Demonstrations(observations, rng.normal(size=(strategies, count, 250, 1)), layout)
 
 
 def measure(trainers: list[MSRD], iterations: int) -> dict[str, float]:
-    """Seconds per iteration of all trainers together, in whole and by part."""
+    """Processor seconds per iteration of all trainers together, in whole and by part."""
     for trainer in trainers:
         trainer.iterate()
-    start = time.perf_counter()
+    start = time.process_time()
     for trainer in trainers:
         for _ in range(iterations):
             trainer.iterate()
-    return {"iteration": (time.perf_counter() - start) / iterations, **seconds_of_parts(trainers)}
+    return {"iteration": (time.process_time() - start) / iterations, **seconds_of_parts(trainers)}
 
 
 def seconds_of_parts(trainers: list[MSRD]) -> dict[str, float]:
-    """Seconds of one more iteration of all trainers together, by part.
+    """Processor seconds of one more iteration of all trainers together, by part.
 
-    Value functions are fitted on a thread beside the TRPO step, so that the parts overlap.
+    Each by the clock of its thread: value functions are fitted beside the TRPO step, where there is a core.
     """
     seconds = dict.fromkeys(PARTS, 0.0)
 
     def timed(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def run(*arguments: Any) -> Any:
-            start = time.perf_counter()
+            start = time.thread_time()
             try:
                 return function(*arguments)
             finally:
-                seconds[part] += time.perf_counter() - start
+                seconds[part] += time.thread_time() - start
 
         return run
 
@@ -101,14 +102,53 @@ def seconds_of_parts(trainers: list[MSRD]) -> dict[str, float]:
     return seconds
 
 
+class Size(NamedTuple):
+    """How much is learned from: strategies, and of each its demonstrations and its episodes an iteration."""
+
+    strategies: int = 6
+    demonstrations: int = 20
+    episodes: int = 20
+
+
+GROWTH = (
+    *(Size(strategies=count) for count in (6, 20, 100)),
+    *(Size(demonstrations=count) for count in (5, 80)),
+    *(Size(episodes=count) for count in (5, 80)),
+)
+"""From the first one alone each."""
+
+
+def growth(iterations: int) -> Iterator[tuple[Size, dict[str, float]]]:
+    """Seconds an iteration, in whole and by part, at each size."""
+    for size in GROWTH:
+        config = replace(inverted_pendulum(), iterations=iterations + 2, episodes=size.episodes)
+        data = demonstrations(size.strategies, size.demonstrations)
+        yield size, measure([MSRD(config, data, BatchedCollector(Drift()), 0)], iterations)
+
+
+def print_growth(iterations: int) -> None:
+    """Print a row for each size, in milliseconds, the whole also as a multiple of the first one's."""
+    parts = ("iteration", *PARTS)
+    print(" ".join(f"{name:>14}" for name in (*Size._fields, *parts, "of the first")))
+    first = 0.0
+    for size, seconds in growth(iterations):
+        first = first or seconds["iteration"]
+        values = [f"{count:>14}" for count in size] + [f"{1e3 * seconds[part]:>14.1f}" for part in parts]
+        print(" ".join((*values, f"{seconds['iteration'] / first:>14.2f}")), flush=True)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--strategies", type=int, default=20)
     parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--growth", action="store_true")
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
+    if options.growth:
+        print_growth(options.iterations)
+        return
     config = replace(inverted_pendulum(), iterations=options.iterations + 2)
     collector = BatchedCollector(Drift())
     batched = measure([MSRD(config, demonstrations(options.strategies), collector, 0)], options.iterations)
@@ -120,7 +160,9 @@ def main() -> None:
     for part in batched:
         ratio = looped[part] / batched[part]
         print(f"{part:<16}{1e3 * batched[part]:>10.1f}{1e3 * looped[part]:>10.1f}{ratio:>8.1f}")
-    print(f"{steps / batched['iteration']:.0f} environment steps a second, learning included")
+    print(
+        f"{steps / batched['iteration']:.0f} environment steps a second of the processor, learning included"
+    )
 
 
 if __name__ == "__main__":

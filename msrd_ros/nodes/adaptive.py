@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
@@ -66,11 +68,13 @@ class AdaptiveSubscription:
     message_type, topic
         What to subscribe to.
     profile
-        The contract's quality of service, asked for until a publisher is there.
+        The contract's quality of service, asked for until a publisher is there; best effort stays so.
     callback
         Takes every message.
     raw
         Hand over bytes instead of messages.
+    group
+        Which callbacks it goes with; those of the node when None.
     """
 
     def __init__(
@@ -81,6 +85,7 @@ class AdaptiveSubscription:
         profile: QoSProfile,
         callback: Callable[[Received], None],
         raw: bool = False,
+        group: CallbackGroup | None = None,
     ) -> None:
         self._node = node
         self._message_type = message_type
@@ -88,10 +93,11 @@ class AdaptiveSubscription:
         self._depth = profile.depth
         self._callback = callback
         self._raw = raw
+        self._group = group
         self._counter = LossCounter()
         self._told = False
         self.publishers = 0
-        self.reliable = profile.reliability == ReliabilityPolicy.RELIABLE
+        self.reliable = self._may_be_reliable = profile.reliability == ReliabilityPolicy.RELIABLE
         self._subscription = self._subscribe()
 
     @property
@@ -122,8 +128,9 @@ class AdaptiveSubscription:
                 f"topic {self._subscription.topic_name}: its {len(infos)} publishers offer different "
                 f"qualities of service; messages may be lost, so let one of them publish it"
             )
-        if all(offered) != self.reliable:
-            self.reliable = all(offered)
+        reliable = self._may_be_reliable and all(offered)
+        if reliable != self.reliable:
+            self.reliable = reliable
             self._node.destroy_subscription(self._subscription)
             self._counter.forget()
             self._subscription = self._subscribe()
@@ -135,7 +142,24 @@ class AdaptiveSubscription:
         )
         # rclpy's annotation knows only callbacks without the message's info.
         take: Any = self._take
-        return self._node.create_subscription(self._message_type, self._topic, take, profile, raw=self._raw)
+        # What asks for no more than anybody offers need not look out for those who offer less.
+        look_out = SubscriptionEventCallbacks(use_default_callbacks=self.reliable)
+        return self._node.create_subscription(
+            self._message_type,
+            self._topic,
+            take,
+            profile,
+            callback_group=self._group,
+            event_callbacks=look_out,
+            raw=self._raw,
+        )
+
+    def take_waiting(self) -> None:
+        """Hand over what has come in already, before its turn."""
+        handle = self._subscription.handle
+        with handle:
+            while (taken := handle.take_message(self._subscription.msg_type, self._raw)) is not None:
+                self._take(*taken)
 
     def _take(self, message: Any, info: dict[str, Any]) -> None:
         sequence = info["publication_sequence_number"] or 0

@@ -17,6 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -52,6 +53,10 @@ EVENT = _reliable(100)
 """rally/outcome, feed."""
 STATE = _reliable(1000)
 """joint_states, ball/position, ball/odometry."""
+
+LOCKSTEP = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""How ticks and answers in lockstep are heard. What is lost is asked for again; to acknowledge each message
+as well takes longer than to send it."""
 
 INSTANCE, UP_S = "instance", "up_s"
 """What every node says of itself in /diagnostics: which process it is, and how long it has been up."""
@@ -147,6 +152,14 @@ class StackNode(Node):
         self._waiting = Waiting(lambda line: self.get_logger().info(f"{line} (on domain {domain})"))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady_timer(self, 1.0, self.publish_diagnostics)
+
+    def create_publisher(self, *arguments: Any, **options: Any) -> Publisher:
+        """As rclpy, without looking out for subscriptions that cannot hear it.
+
+        Those say so themselves, and the look-out is two more things to wait for with each publisher.
+        """
+        options.setdefault("event_callbacks", PublisherEventCallbacks(use_default_callbacks=False))
+        return super().create_publisher(*arguments, **options)
 
     def diagnose(self) -> tuple[str, Mapping[str, object]]:
         """One line on how the node is doing, and its figures. Nodes override this."""

@@ -20,8 +20,8 @@ from msrd_ros.core.formats import write_report
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.arm_output import ArmOutput
 from msrd_ros.nodes.common import (
-    COMMAND,
     EVENT,
+    LOCKSTEP,
     Finished,
     StackNode,
     robot_parameter,
@@ -109,7 +109,7 @@ class Match(StackNode):
         for end in End:
             hear_latched(self, Header, f"{end}/strategy", partial(self._on_strategy, end))
             self.create_subscription(
-                JointTrajectory, f"{end}/joint_command", partial(self._on_command, end), COMMAND
+                JointTrajectory, f"{end}/joint_command", partial(self._on_command, end), LOCKSTEP
             )
         self.create_service(Trigger, "~/serve", self._on_serve)
         remedy = "stop it first, or start this match in a namespace or domain of its own"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -9,19 +10,29 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 
-class _Unhurried(CallbackGroup):
-    """Never wakes the executor."""
+class Unhurried(CallbackGroup):
+    """Wakes the executor only while it is wanted; what comes meanwhile can be taken.
+
+    Parameters
+    ----------
+    wanted
+        Whether it is; never by default.
+    """
+
+    def __init__(self, wanted: Callable[[], bool] = lambda: False) -> None:
+        super().__init__()
+        self._wanted = wanted
 
     def can_execute(self, entity: Any) -> bool:
-        """Nothing of it is executed."""
-        return False
+        """Only while it is wanted."""
+        return self._wanted()
 
     def beginning_execution(self, entity: Any) -> bool:
-        """Nothing of it is executed."""
-        return False
+        """Only while it is wanted."""
+        return self._wanted()
 
     def ending_execution(self, entity: Any) -> None:
-        """Nothing of it was executed."""
+        """Nothing is held."""
 
 
 class PolledTopic:
@@ -44,7 +55,7 @@ class PolledTopic:
         profile = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._depth = depth
         self._subscription = node.create_subscription(
-            message_type, topic, lambda _: None, profile, callback_group=_Unhurried()
+            message_type, topic, lambda _: None, profile, callback_group=Unhurried()
         )
 
     def take(self) -> list[Any]:

@@ -20,6 +20,7 @@ from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.common import (
     COMMAND,
     EVENT,
+    LOCKSTEP,
     robot_parameter,
     run,
     steady_timer,
@@ -43,6 +44,8 @@ from msrd_ros.table_tennis.simulation.rally import RallyConfig
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig, compile_ahead
 from msrd_ros.table_tennis.strategies.table import DEFAULT_SIDE, SIDE_HELP, STRATEGIES_HELP, Side, Strategies
 
+COMPILES = "compiles teaching"
+"""Name of a thread that a simulator starts with and that ends by itself."""
 TEACH_PERIOD_S = 0.004
 ASK_AGAIN_S = 0.25
 SILENCE_S = 2.0
@@ -134,7 +137,9 @@ class Simulator(ManagedNode):
         self._open_services()
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
         # After an installation this takes seconds as well; until a hand comes nobody has to wait for it.
-        threading.Thread(target=teach_mode.compile_ahead, args=(self._robot,)).start()
+        compiling = threading.Thread(target=teach_mode.compile_ahead, args=(self._robot,), name=COMPILES)
+        compiling.start()
+        self._held.callback(compiling.join)
         remedy = "stop it first, or start this simulator in a namespace or domain of its own"
         self._alone = SoleSpeaker(self, "rally/outcome", "decides rallies on", remedy)
         self._pace = Pace(self, self._tick)
@@ -195,8 +200,9 @@ class Simulator(ManagedNode):
     def _open_topics(self) -> None:
         hear_latched(self, Header, "strategy", self._on_strategy)
         self.create_subscription(Odometry, "feed", self._on_feed, EVENT)
-        self.create_subscription(JointTrajectory, "joint_command", self._on_command, COMMAND)
-        self.create_subscription(MultiDOFJointTrajectory, "teach/hand", self._on_hand, COMMAND)
+        answer = LOCKSTEP if self.config.mode == "lockstep" else COMMAND
+        self.create_subscription(JointTrajectory, "joint_command", self._on_command, answer)
+        self.create_subscription(MultiDOFJointTrajectory, "teach/hand", self._on_hand, answer)
 
     def _open_services(self) -> None:
         self.create_service(Trigger, "~/reset", self._on_reset)

@@ -16,8 +16,9 @@ from sensor_msgs.msg import JointState
 from msrd_ros.contract.translation import JointStateTranslator, read_ball_position, stamp_to_ns
 from msrd_ros.core.errors import UserError
 from msrd_ros.nodes.adaptive import ADAPT_PERIOD_S, AdaptiveSubscription, Received
-from msrd_ros.nodes.common import STATE, steady_timer
+from msrd_ros.nodes.common import LOCKSTEP, STATE, steady_timer
 from msrd_ros.nodes.input_clocks import InputClocks, Order
+from msrd_ros.nodes.polled import Unhurried
 from msrd_ros.nodes.sources import Sources
 from msrd_ros.robots.command_gate import require_possible
 from msrd_ros.robots.robot import Robot
@@ -112,9 +113,15 @@ class TickInputs:
         self._joints_heard_s = self._ball_heard_s = -math.inf
         self._last: TickInput | None = None
         # The ball first: within a tick it is sent first, and is then taken first.
+        quality = LOCKSTEP if lockstep else STATE
+        # In lockstep it wakes nobody but where joints wait for it: there is nothing to do about it alone.
+        group = Unhurried(lambda: not lockstep or self._pending is not None)
+        self._ball_samples = AdaptiveSubscription(
+            node, PointStamped, "ball/position", quality, self._on_ball, group=group
+        )
         self._subscriptions = [
-            AdaptiveSubscription(node, PointStamped, "ball/position", STATE, self._on_ball),
-            AdaptiveSubscription(node, JointState, "joint_states", STATE, self._on_joint_state),
+            self._ball_samples,
+            AdaptiveSubscription(node, JointState, "joint_states", quality, self._on_joint_state),
         ]
         self._timer = steady_timer(node, ADAPT_PERIOD_S, self._look_around)
 
@@ -175,6 +182,8 @@ class TickInputs:
         message = received.message
         if not self._joints.belongs(message.name):
             return  # another device's
+        if self._lockstep:
+            self._ball_samples.take_waiting()
         now_s = self._joints_heard_s = self._now_s()
         self._sources.add(received.sequence, now_s)
         if self._sources.count(now_s) > 1:

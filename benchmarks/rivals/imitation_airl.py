@@ -1,7 +1,6 @@
-"""AIRL of the `imitation` library with sb3-contrib's TRPO, for `pendulum_against_imitation.py`.
+"""AIRL of the `imitation` library with sb3-contrib's TRPO, for `make benchmarks`.
 
-Runs in an environment of its own, because `imitation` pins old versions:
-``pip install imitation==1.0.1 sb3-contrib==2.2.1 "gymnasium[mujoco]==0.29.1" "mujoco<3" imageio``.
+Runs in an environment of its own, because `imitation` pins old versions: `side_by_side/rivals.py` makes it.
 Arguments: the exchange file with demonstrations and test trajectories, the output file, environment steps.
 """
 
@@ -39,7 +38,7 @@ def make(steps: int) -> gymnasium.Env[np.ndarray, np.ndarray]:
 
 
 def main() -> None:
-    """Train, and note at intervals the time, the steps, and the mean reward of every test trajectory."""
+    """Train, and note at intervals processor time, steps, and the mean reward of every test trajectory."""
     exchange, output, budget = sys.argv[1], sys.argv[2], int(sys.argv[3])
     torch.set_num_threads(1)
     data = np.load(exchange)
@@ -82,11 +81,11 @@ def main() -> None:
         allow_variable_horizon=True,
     )
     times, steps, estimates = [], [], []
-    started = time.perf_counter()
+    started = time.process_time()
 
     def note(round_number: int) -> None:
-        elapsed = time.perf_counter() - started - sum(paused)
-        begin = time.perf_counter()
+        elapsed = time.process_time() - started - sum(paused)
+        begin = time.process_time()
         with torch.no_grad():
             states = tests[:, 1:].reshape(-1, 4)
             blank = torch.zeros(states.shape[0], 1)
@@ -96,7 +95,7 @@ def main() -> None:
         steps.append((round_number + 1) * 8 * 1250)
         estimates.append(values.numpy())
         np.savez(output, times=times, steps=steps, estimates=np.stack(estimates))
-        paused.append(time.perf_counter() - begin)
+        paused.append(time.process_time() - begin)
 
     paused: list[float] = []
     trainer.train(budget, callback=note)
