@@ -263,7 +263,7 @@ class Evaluator(StackNode):
 
     def _aimed_at(self, label: StrategyLabel) -> NDArray[np.float64] | None:
         """Where balls were to land: each its own place, or all the same."""
-        if self._teller is not None:
+        if self._teller is not None and label in self._teller.targets:
             return np.array(self._teller.targets[label])
         return self._facts[label].landing_point if label in self._facts else None
 

@@ -38,14 +38,14 @@ class TargetTeller:
     Raises
     ------
     UserError
-        If a strategy takes no target, or hits none.
+        If a strategy takes no target.
 
     Attributes
     ----------
     is_heard
         Whether the executor aims at what it was told last.
     targets
-        All that was told, of each strategy, (2,) each, m.
+        All that was told, of each strategy that has any in reach, (2,) each, m.
     """
 
     def __init__(
@@ -61,20 +61,26 @@ class TargetTeller:
             raise UserError("parameter targets: give the checkpoint, which says what is in reach")
         for label in labels:
             known = facts[label]
-            if known.reach is None or not known.reach.hits.any():
+            if known.reach is None:
                 raise UserError(
                     f"parameter targets: {label} takes no target; learn targets for it: "
                     "`python -m msrd_ros aim`, or leave targets out"
                 )
-            self._reaches[label] = known.reach
-        self.targets: dict[StrategyLabel, list[NDArray[np.float64]]] = {label: [] for label in labels}
+            if known.reach.hits.any():
+                self._reaches[label] = known.reach
+            else:
+                node.get_logger().warning(f"{label} has no target in reach; it is told none")
+        self.targets: dict[StrategyLabel, list[NDArray[np.float64]]] = {one: [] for one in self._reaches}
         self._told: NDArray[np.float64] | None = None
         self.is_heard = True
         self._target = node.create_publisher(PointStamped, "target", LATCHED)
         hear(node, DiagnosticArray, "/diagnostics", self._on_diagnostics, EVENT)
 
     def tell(self, label: StrategyLabel) -> None:
-        """Draw a target in reach of a strategy, and tell it."""
+        """Draw a target in reach of a strategy, and tell it; where none is, tell none."""
+        if label not in self._reaches:
+            self.take_back()
+            return
         self._told = self._reaches[label].draw(self._rng)
         self.targets[label].append(self._told)
         self.is_heard = False
@@ -82,7 +88,7 @@ class TargetTeller:
 
     def take_back(self) -> None:
         """Leave no target behind."""
-        self._told = None
+        self._told, self.is_heard = None, True
         self._publish()
 
     def _publish(self) -> None:
