@@ -26,7 +26,7 @@ POSITION_TOLERANCE_RAD = 1e-3
 
 @dataclass(frozen=True)
 class ArmConfig:
-    """How the simulated arm differs from the robot's model of itself, which its driver and its player believe.
+    """How the simulated arm differs from the robot's model of itself, by which driver and player go.
 
     Attributes
     ----------
@@ -215,9 +215,7 @@ class BulletArm:
             self.body, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
         )
         for joint, damping in zip(self.joints, friction.tolist(), strict=True):
-            pybullet.changeDynamics(
-                self.body, joint, jointDamping=damping, physicsClientId=self._client
-            )
+            pybullet.changeDynamics(self.body, joint, jointDamping=damping, physicsClientId=self._client)
 
     def _load(self, link: int, mass_kg: float) -> None:
         """Add a point mass in a link's centre of mass, about which its inertia stays what it is."""

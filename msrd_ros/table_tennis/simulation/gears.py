@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 _FLANK_SHARE = 0.04
 """Share of a joint's largest torque that presses a flank home: where makers of gears measure lost motion."""
-_CROSSING_S = 0.005
+_CROSSING_S = 0.01
 """Time constant with which a motor runs through the play."""
 
 
@@ -42,7 +42,7 @@ class Gears:
         self.velocity: Array = np.zeros(robot.joint_count)
 
     def rest(self, motors: Array, torque: Array) -> Array:
-        """Let the motors stand still at `motors` (N,) in rad under torques (N,) in Nm; where the links are."""
+        """Let the motors stand still at `motors` (N,) in rad under torques (N,) in Nm; gives the links."""
         self._ahead = self._pressed(torque)
         self.position[:] = motors
         self.velocity[:] = 0.0

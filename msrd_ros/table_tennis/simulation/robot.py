@@ -61,6 +61,7 @@ class SimulatedRobot:
         self._gears = Gears(robot, config.arm.backlash_rad) if config.arm.backlash_rad else None
         encoders = self._gears or self._arm
         self._measured, self._measured_velocity = encoders.position, encoders.velocity
+        self._velocity_before: Array = np.zeros(robot.joint_count)
         self._driver = JointDriver(
             robot, STEP_S, config.scene.table, config.arm.limits_share, config.arm.dead_time_s
         )
@@ -188,7 +189,7 @@ class SimulatedRobot:
         pybullet.stepSimulation(physicsClientId=self._client)
         arm.read()
         if self._gears is not None:
-            self._gears.turn(arm.position, arm.velocity, self._effort, STEP_S)
+            self._gears.turn(arm.position, arm.velocity, self._planned_torque(), STEP_S)
         self.limits.note(arm.position, arm.velocity, self._effort)
         if not self._led and self._driver.reference_rests:
             self._rest_if_there(self._driver.reference.position)
@@ -202,9 +203,19 @@ class SimulatedRobot:
         links = position
         if self._gears is not None:
             links = self._gears.rest(position, self._weight(position))
+            self._velocity_before[:] = 0.0
         self._arm.place(links)
         self._driver.hold_at(position)
         self._resting = True
+
+    def _planned_torque(self) -> Array:
+        """Torques (N,) in Nm that the reference's motion takes: without the corrections of the driver.
+
+        With these the gears would answer to what answers to the gears, in the same millisecond.
+        """
+        position, velocity = self._driver.reference
+        change, self._velocity_before = velocity - self._velocity_before, velocity
+        return inverse_dynamics(self._robot.model, position, velocity, change / STEP_S)
 
     def _weight(self, position: Array) -> Array:
         """Torques (N,) in Nm that hold the arm still."""
