@@ -131,8 +131,8 @@ def _rates(report: Report, metrics: dict[str, Any]) -> None:
         "corrective noise needs no reward at all: joint offsets are injected, with labels that undo them; "
         "where it comes level with MSRD, the return rate alone is no case for inverse reinforcement "
         "learning. What MSRD has besides is the decomposition: one task reward for all strokes, told apart "
-        "from how each is played, which can train other policies (frozen R0 + S_i). AIRL with one reward plays one policy per "
-        "label on the same reward, for one policy could not know which stroke is asked for."
+        "from how each is played, which can train other policies (frozen R0 + S_i). AIRL with one reward "
+        "plays one policy per label on the same reward, for one policy could not know which stroke is asked for."
     )
 
 

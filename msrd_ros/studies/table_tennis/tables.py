@@ -96,7 +96,7 @@ def methods_table(metrics: dict[str, Any]) -> Table:
 def robustness_table(metrics: dict[str, Any]) -> Table:
     """Every condition in one row, every method in one column."""
     found = metrics["robustness"]
-    conditions = next(iter(found.values()), {})
+    conditions: dict[str, Any] = next(iter(found.values()), {})
     rows = [[condition, *(_cell(rows[condition]) for rows in found.values())] for condition in conditions]
     fed = {
         METHODS[name].title: sum(sum(row["fed"]) for row in next(iter(rows.values()))["labels"].values())

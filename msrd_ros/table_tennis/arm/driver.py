@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.core.compiled import njit
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.arm_model import Arm, slowed
 from msrd_ros.robots.dynamics import GRAVITY_M_S2, inverse_dynamics, inverse_dynamics_into
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.robot import Robot
@@ -163,26 +162,6 @@ def drive(
     return STANDS if stands else MOVES
 
 
-def slowed(model: Arm, share: float) -> Arm:
-    """The same arm with that share of its limits of speed and acceleration."""
-    if share == 1.0:
-        return model
-    slower = model.copy()
-    for name in ("speed", "acceleration"):
-        slower[name] *= share
-    slower.setflags(write=False)
-    return slower
-
-
-@dataclass
-class _LateCommand:
-    """A command that is still on its way: steps until it begins, the goal (2, N), and its period in steps."""
-
-    wait: int
-    goal: Array
-    steps: int
-
-
 class JointDriver:
     """Follows commands with torques.
 
@@ -211,7 +190,8 @@ class JointDriver:
         self._robot = robot
         self._model = slowed(robot.model, limits_share)
         self._dead_steps = round(dead_time_s / step_s)
-        self._late: deque[_LateCommand] = deque()
+        self._late: deque[tuple[int, Array, int]] = deque()  # when it begins, goal (2, N), steps
+        self._clock = 0
         count, gains = robot.joint_count, robot.driver
         self._gains = np.array([gains.stiffness_1_s2, gains.damping_1_s, gains.catch_up_1_s])
         self._step_s = step_s
@@ -266,7 +246,7 @@ class JointDriver:
             return  # told to stay where it is: rest is not disturbed
         self.reference_rests = False
         if self._dead_steps:
-            self._late.append(_LateCommand(self._dead_steps, goal, steps))
+            self._late.append((self._clock + self._dead_steps, goal, steps))
         else:
             self._begin(goal, steps)
 
@@ -275,16 +255,11 @@ class JointDriver:
         self._command[2:4] = goal
         self._steps = self._steps_left = steps
 
-    def _let_late_ones_begin(self) -> None:
-        for command in self._late:
-            command.wait -= 1
-        while self._late and self._late[0].wait < 0:
-            command = self._late.popleft()
-            self._begin(command.goal, command.steps)
-
     def torque(self, position: Array, velocity: Array, torque: Array) -> None:
         """Write the torques (N,) for the coming step, given the measured state (N,), into `torque`."""
-        self._let_late_ones_begin()
+        while self._late and self._late[0][0] <= self._clock:
+            self._begin(*self._late.popleft()[1:])
+        self._clock += 1
         if self._drive(position, velocity, torque) == BLOCKED:
             # Something is in the way: start anew from where the arm is, as a colliding robot stops.
             self.hold_at(position, velocity)

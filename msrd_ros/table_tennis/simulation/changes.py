@@ -79,7 +79,7 @@ CHANGES = {
     AS_TAUGHT: WorldChange("as trained"),
     "payload": WorldChange(
         "2 kg more at the paddle",
-        "half of what the Sawyer may carry, 4 kg",
+        "half of what arms of this size may carry, 4 or 5 kg",
         arm=ArmConfig(payload_kg=2.0),
     ),
     "slow_driver": WorldChange(
