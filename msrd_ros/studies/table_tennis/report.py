@@ -132,7 +132,8 @@ def _rates(report: Report, metrics: dict[str, Any]) -> None:
         "where it comes level with MSRD, the return rate alone is no case for inverse reinforcement "
         "learning. What MSRD has besides is the decomposition: one task reward for all strokes, told apart "
         "from how each is played, which can train other policies (frozen R0 + S_i). AIRL with one reward "
-        "plays one policy per label on the same reward, for one policy could not know which stroke is asked for."
+        "plays one policy per label on the same reward, for one policy could not know which stroke is "
+        "asked for."
     )
 
 
