@@ -13,10 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numba import njit, vectorize
 from numba.core.caching import IndexDataCacheFile
+from numpy.typing import NDArray
 
-__all__ = ["njit", "vectorize"]
+__all__ = ["copy_onto", "njit", "vectorize"]
 
 _LOCK_FILE = ".lock"
 
@@ -34,3 +36,14 @@ def _one_at_a_time(save: Callable[..., None]) -> Callable[..., None]:
 
 
 IndexDataCacheFile.save = _one_at_a_time(IndexDataCacheFile.save)  # type: ignore[method-assign]
+
+
+@njit(cache=True, nogil=True)
+def copy_onto(target: NDArray[np.float64], source: NDArray[np.float64]) -> None:
+    """``target[:] = source`` for arrays of shape (N,), in compiled code.
+
+    For the assignment itself Numba compiles the text of the error that it might raise: two seconds for each
+    pair of types.
+    """
+    for index in range(len(target)):
+        target[index] = source[index]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msrd_ros.core.scratch import cache_directory
 
-COMPILED = ("robots", "table_tennis")
+COMPILED = ("core", "robots", "table_tennis")
 """Rooms with compiled functions."""
 
 _UNUSED_AFTER_S = 30 * 86_400.0

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from msrd_ros.learning.networks import BatchedMLP, Features
+from msrd_ros.learning.networks import BatchedMLP, Features, Linearisation
 
 
 class CategoricalDistribution(NamedTuple):
@@ -73,8 +73,7 @@ class CategoricalPolicies(nn.Module):
 
     def fisher_metric(self, observations: Tensor) -> CategoricalFisherMetric:
         """The Fisher information at ``observations [S, N, O]``, ready for products."""
-        with torch.no_grad():
-            return CategoricalFisherMetric(self, self.network.activations(self.features(observations)))
+        return CategoricalFisherMetric(Linearisation(self.network, self.features(observations)))
 
     def flat(self) -> Tensor:
         """All parameters, one row per strategy, ``[S, P]``."""
@@ -117,15 +116,13 @@ class CategoricalPolicies(nn.Module):
 class CategoricalFisherMetric:
     """F = E[J^T (diag(p) - p p^T) J] with the Jacobian J of the logits, one block per strategy."""
 
-    def __init__(self, policies: CategoricalPolicies, activations: list[Tensor]) -> None:
-        self._network = policies.network
-        self._activations = activations
-        self._probs = torch.softmax(activations[-1], dim=-1)
+    def __init__(self, logits: Linearisation) -> None:
+        self._logits = logits
+        self._probs = torch.softmax(logits.outputs, dim=-1)
 
     @torch.no_grad()
     def product(self, vector: Tensor) -> Tensor:
         """F v for ``vector [S, P]``."""
-        tangent = self._network.push_forward(self._activations, vector)
-        weighted = self._probs * tangent
+        weighted = self._probs * self._logits.push_forward(vector)
         centred = weighted - self._probs * weighted.sum(dim=-1, keepdim=True)
-        return self._network.pull_back(self._activations, centred / centred.shape[1])
+        return self._logits.pull_back(centred / centred.shape[1])

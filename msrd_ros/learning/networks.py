@@ -1,8 +1,8 @@
 """Many small tanh networks side by side, one batched matrix product per layer.
 
 All strategies' networks have the same shape, so their weights are stacked along a leading axis and one
-``baddbmm`` serves them all. Besides the forward pass the class offers the two halves of a Gauss-Newton
-product (tangent forward, cotangent backward) that the natural gradient needs, without autograd's overhead.
+``baddbmm`` serves them all. `Linearisation` offers the two halves of a Gauss-Newton product (tangent forward,
+cotangent backward) that the natural gradient needs, without autograd's overhead.
 """
 
 from __future__ import annotations
@@ -73,54 +73,6 @@ class BatchedMLP(nn.Module):
                 hidden = torch.tanh(hidden)
         return hidden
 
-    def activations(self, inputs: Tensor) -> list[Tensor]:
-        """Input of every layer, and the output last: ``len(sizes)`` tensors ``[S, N, width]``."""
-        tensors = [inputs]
-        last = len(self.weights) - 1
-        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            hidden = torch.baddbmm(bias, tensors[-1], weight)
-            tensors.append(torch.tanh(hidden) if layer < last else hidden)
-        return tensors
-
-    def push_forward(self, activations: list[Tensor], tangent: Tensor) -> Tensor:
-        """Jacobian of the outputs with respect to the parameters, times `tangent`.
-
-        Parameters
-        ----------
-        activations
-            From `activations`, at the inputs of interest.
-        tangent
-            ``[S, P]``, a direction in the space of flat parameters.
-
-        Returns
-        -------
-        Tensor
-            ``[S, N, sizes[-1]]``.
-        """
-        last = len(self.weights) - 1
-        moved: Tensor | None = None
-        for layer, (d_weight, d_bias) in enumerate(self._split(tangent)):
-            change = torch.baddbmm(d_bias, activations[layer], d_weight)
-            if moved is not None:
-                change = torch.baddbmm(change, moved, self.weights[layer])
-            if layer < last:
-                change = change * (1.0 - activations[layer + 1].square())
-            moved = change
-        assert moved is not None
-        return moved
-
-    def pull_back(self, activations: list[Tensor], cotangent: Tensor) -> Tensor:
-        """Transposed Jacobian times `cotangent [S, N, sizes[-1]]`: flat gradients ``[S, P]``."""
-        parts: list[Tensor] = []
-        for layer in range(len(self.weights) - 1, -1, -1):
-            if layer < len(self.weights) - 1:
-                cotangent = cotangent * (1.0 - activations[layer + 1].square())
-            parts.append(cotangent.sum(dim=1))
-            parts.append(torch.bmm(activations[layer].transpose(1, 2), cotangent).flatten(1))
-            if layer > 0:
-                cotangent = torch.bmm(cotangent, self.weights[layer].transpose(1, 2))
-        return torch.cat(parts[::-1], dim=1)
-
     def flat(self) -> Tensor:
         """Parameters of every network in one row each, ``[S, P]``, detached."""
         pairs = zip(self.weights, self.biases, strict=True)
@@ -129,12 +81,13 @@ class BatchedMLP(nn.Module):
     def set_flat(self, flat: Tensor) -> None:
         """Overwrite all parameters from ``flat [S, P]``, the order of `flat`."""
         with torch.no_grad():
-            parts = self._split(flat)
+            parts = self.split(flat)
             for weight, bias, (new_weight, new_bias) in zip(self.weights, self.biases, parts, strict=True):
                 weight.copy_(new_weight)
                 bias.copy_(new_bias)
 
-    def _split(self, flat: Tensor) -> list[tuple[Tensor, Tensor]]:
+    def split(self, flat: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Weights and biases of every layer as views of ``flat [S, P]``."""
         pieces: list[tuple[Tensor, Tensor]] = []
         start = 0
         for fan_in, fan_out in pairwise(self.sizes):
@@ -143,6 +96,63 @@ class BatchedMLP(nn.Module):
             pieces.append((weight, flat[:, middle:end].reshape(self.copies, 1, fan_out)))
             start = end
         return pieces
+
+
+class Linearisation:
+    """Networks about some inputs: what they say there, and products with their Jacobian.
+
+    The Jacobian is that of the outputs with respect to the parameters, at the inputs and for the parameters
+    that were given.
+
+    Parameters
+    ----------
+    network
+        S networks.
+    inputs
+        ``[S, N, sizes[0]]``.
+
+    Attributes
+    ----------
+    outputs
+        ``[S, N, sizes[-1]]``.
+    """
+
+    @torch.no_grad()
+    def __init__(self, network: BatchedMLP, inputs: Tensor) -> None:
+        self._network = network
+        self._weights = [weight.detach() for weight in network.weights]
+        self._inputs = [inputs]
+        for weight, bias in zip(self._weights[:-1], network.biases, strict=False):
+            self._inputs.append(torch.baddbmm(bias, self._inputs[-1], weight).tanh_())
+        self.outputs = torch.baddbmm(network.biases[-1], self._inputs[-1], self._weights[-1])
+        self._slopes = [1.0 - hidden.square() for hidden in self._inputs[1:]]
+
+    @torch.no_grad()
+    def push_forward(self, tangent: Tensor) -> Tensor:
+        """The Jacobian times a direction ``tangent [S, P]`` of flat parameters: ``[S, N, sizes[-1]]``."""
+        # In place: fresh memory for tensors of this size costs as much as the sums.
+        moved: Tensor | None = None
+        for layer, (d_weight, d_bias) in enumerate(self._network.split(tangent)):
+            change = torch.baddbmm(d_bias, self._inputs[layer], d_weight)
+            if moved is not None:
+                torch.baddbmm(change, moved, self._weights[layer], out=change)
+            if layer < len(self._slopes):
+                change.mul_(self._slopes[layer])
+            moved = change
+        assert moved is not None
+        return moved
+
+    @torch.no_grad()
+    def pull_back(self, cotangent: Tensor) -> Tensor:
+        """The transposed Jacobian times ``cotangent [S, N, sizes[-1]]``: flat gradients ``[S, P]``."""
+        parts: list[Tensor] = []
+        for layer in range(len(self._weights) - 1, -1, -1):
+            parts.append(cotangent.sum(dim=1))
+            parts.append(torch.bmm(self._inputs[layer].transpose(1, 2), cotangent).flatten(1))
+            if layer > 0:
+                cotangent = torch.bmm(cotangent, self._weights[layer].transpose(1, 2))
+                cotangent.mul_(self._slopes[layer - 1])
+        return torch.cat(parts[::-1], dim=1)
 
 
 class Features(nn.Module):

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from msrd_ros.learning.networks import BatchedMLP, Features
+from msrd_ros.learning.networks import BatchedMLP, Features, Linearisation
 
 
 class Metric(Protocol):
@@ -157,8 +157,7 @@ class GaussianPolicies(nn.Module):
 
     def fisher_metric(self, observations: Tensor) -> FisherMetric:
         """The Fisher information at ``observations [S, N, O]``, ready for products."""
-        with torch.no_grad():
-            return FisherMetric(self, self.network.activations(self.features(observations)))
+        return FisherMetric(self, Linearisation(self.network, self.features(observations)))
 
     def flat(self) -> Tensor:
         """All parameters, one row per strategy: network, then log sigma, ``[S, P]``."""
@@ -223,15 +222,14 @@ class FisherMetric:
     F = E[J^T diag(1 / sigma^2) J] for the network with Jacobian J of the mean, and 2 I for log sigma.
     """
 
-    def __init__(self, policies: GaussianPolicies, activations: list[Tensor]) -> None:
-        self._network = policies.network
-        self._activations = activations
-        self._precision = torch.exp(-2.0 * policies.log_std.detach()) / activations[0].shape[1]
+    def __init__(self, policies: GaussianPolicies, means: Linearisation) -> None:
+        self._parameters = policies.network.parameter_count
+        self._means = means
+        self._precision = torch.exp(-2.0 * policies.log_std.detach()) / means.outputs.shape[1]
 
     @torch.no_grad()
     def product(self, vector: Tensor) -> Tensor:
         """F v for ``vector [S, P]``."""
-        split = self._network.parameter_count
-        tangent = self._network.push_forward(self._activations, vector[:, :split])
-        network = self._network.pull_back(self._activations, tangent * self._precision)
-        return torch.cat([network, 2.0 * vector[:, split:]], dim=1)
+        tangent = self._means.push_forward(vector[:, : self._parameters])
+        network = self._means.pull_back(tangent.mul_(self._precision))
+        return torch.cat([network, 2.0 * vector[:, self._parameters :]], dim=1)

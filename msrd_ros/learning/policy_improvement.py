@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import torch
@@ -12,7 +13,7 @@ from msrd_ros.learning.endings import acting_rows, hold_endings
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.trajectories import Rollouts
-from msrd_ros.learning.trpo import TrustRegionConfig, trust_region_step
+from msrd_ros.learning.trpo import TrustRegionConfig, draw_fisher_rows, trust_region_step
 from msrd_ros.learning.value import ValueConfig, ValueFunctions
 
 
@@ -81,7 +82,8 @@ class PolicyImprovement:
         if not self.value.fitted:
             nothing = torch.zeros(strategies, episodes, acting + 1)
             returns = generalised_advantages(reward, nothing, discount, 1.0)
-            self.value.fit(states, times, chosen(returns.flatten(1, 2)))
+            batches = self.value.draw_batches(states.shape[1])
+            self.value.fit(states, times, chosen(returns.flatten(1, 2)), batches)
         values = self.value(observations.flatten(1, 2), clock.flatten(1, 2))
         values = values.reshape(strategies, episodes, acting + 1)
         if not self.value.config.bootstrap:
@@ -94,9 +96,15 @@ class PolicyImprovement:
 
         shrink = 1.0 - (1.0 - self._trust_region.kl_end) * progress
         trust_region = replace(self._trust_region, kl=self._trust_region.kl * shrink)
-        report = trust_region_step(self._policies, states, actions, advantages, trust_region, self._generator)
         returns = generalised_advantages(reward, values, discount, 1.0) + values[:, :, :-1]
-        error = self.value.fit(states, times, chosen(returns.flatten(1, 2)))
+        # Neither waits for the other, and each is too small to be shared out: two cores do them side by side.
+        # What is random is drawn before, so that it does not depend on who is first.
+        fisher_rows = draw_fisher_rows(states.shape[1], trust_region, self._generator)
+        batches = self.value.draw_batches(states.shape[1])
+        with ThreadPoolExecutor(1) as beside:
+            fitting = beside.submit(self.value.fit, states, times, chosen(returns.flatten(1, 2)), batches)
+            report = trust_region_step(self._policies, states, actions, advantages, trust_region, fisher_rows)
+            error = fitting.result()
         with torch.no_grad():
             entropy = self._policies.entropy(self._policies.distribution(states[:, :1]))
         return {

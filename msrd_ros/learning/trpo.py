@@ -60,7 +60,7 @@ def trust_region_step(
     actions: Tensor,
     advantages: Tensor,
     config: TrustRegionConfig,
-    generator: torch.Generator,
+    fisher_rows: Tensor,
 ) -> TrustRegionReport:
     """Update `policies` in place (Algorithm 1, line 10).
 
@@ -73,8 +73,8 @@ def trust_region_step(
     observations, actions, advantages
         ``[S, N, O]``, ``[S, N, A]``, ``[S, N]`` of the current policies' own rollouts; advantages are
         used as they are (standardise them first).
-    generator
-        Chooses the samples for the Fisher products.
+    fisher_rows
+        Which samples the Fisher products take, of `draw_fisher_rows`.
     """
     old = policies.distribution(observations)
     old_log_prob = policies.log_prob(old, actions)
@@ -84,7 +84,7 @@ def trust_region_step(
     old = type(old)(*(part.detach().clone() for part in old))
     old_log_prob = old_log_prob.detach()
 
-    step = natural_gradient(policies, observations, gradient, config, generator)
+    step = natural_gradient(policies, observations[:, fisher_rows], gradient, config)
     start = policies.flat()
     scale = torch.ones_like(before)
     accepted = torch.zeros_like(before, dtype=torch.bool)
@@ -106,18 +106,21 @@ def trust_region_step(
     return TrustRegionReport(kl, gain, accepted)
 
 
+def draw_fisher_rows(samples: int, config: TrustRegionConfig, generator: torch.Generator) -> Tensor:
+    """Rows, ``[F]``, of so many samples for the Fisher products."""
+    if config.fisher_fraction >= 1.0:
+        return torch.arange(samples)
+    count = max(1, round(config.fisher_fraction * samples))
+    return torch.randperm(samples, generator=generator)[:count]
+
+
 def natural_gradient(
-    policies: Policies,
-    observations: Tensor,
-    gradient: Tensor,
-    config: TrustRegionConfig,
-    generator: torch.Generator,
+    policies: Policies, observations: Tensor, gradient: Tensor, config: TrustRegionConfig
 ) -> Tensor:
-    """The step ``sqrt(2 kl / x^T F x) x`` with ``(F + damping I) x = gradient``, ``[S, P]``."""
-    samples = observations.shape[1]
-    if config.fisher_fraction < 1.0:
-        count = max(1, round(config.fisher_fraction * samples))
-        observations = observations[:, torch.randperm(samples, generator=generator)[:count]]
+    """The step ``sqrt(2 kl / x^T F x) x`` with ``(F + damping I) x = gradient``, ``[S, P]``.
+
+    The Fisher matrix F is averaged over ``observations [S, F, O]``.
+    """
     metric = policies.fisher_metric(observations)
 
     def damped(vector: Tensor) -> Tensor:

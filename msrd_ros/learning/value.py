@@ -74,7 +74,12 @@ class ValueFunctions:
         output = self.network(self._inputs(observations, time)).squeeze(-1)
         return self._mean + self._std * output
 
-    def fit(self, observations: Tensor, time: Tensor, returns: Tensor) -> Tensor:
+    def draw_batches(self, samples: int) -> list[Tensor]:
+        """Rows of so many samples for each step of `fit`."""
+        size = min(self.config.batch, samples)
+        return [torch.randint(samples, (size,), generator=self._generator) for _ in range(self.config.steps)]
+
+    def fit(self, observations: Tensor, time: Tensor, returns: Tensor, batches: list[Tensor]) -> Tensor:
         """Regress on ``returns [S, N]``; gives the standardised squared error before, ``[S]``."""
         mean, std = returns.mean(dim=1, keepdim=True), returns.std(dim=1, keepdim=True) + 1e-6
         rate = 0.1 if self._fitted else 1.0
@@ -84,10 +89,7 @@ class ValueFunctions:
         targets = (returns - self._mean) / self._std
         with torch.no_grad():
             error = (self.network(inputs).squeeze(-1) - targets).square().mean(dim=1)
-        samples = inputs.shape[1]
-        for _ in range(self.config.steps):
-            size = min(self.config.batch, samples)
-            index = torch.randint(samples, (size,), generator=self._generator)
+        for index in batches:
             loss = (self.network(inputs[:, index]).squeeze(-1) - targets[:, index]).square().mean(dim=1).sum()
             self._optimiser.zero_grad()
             loss.backward()

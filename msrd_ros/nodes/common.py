@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import os
 import re
-import signal
 import sys
-import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
@@ -25,12 +22,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import ok, try_shutdown
+from rclpy.utilities import try_shutdown
 
 from msrd_ros.core.discovery import stay_on_this_machine
 from msrd_ros.core.errors import UserError
 from msrd_ros.core.parameters import parameter
 from msrd_ros.nodes.given_files import given_files, require_section
+from msrd_ros.nodes.interrupts import Interrupts, ignore_signals, is_shut_down
 from msrd_ros.nodes.node_parameters import is_own, read_change, read_parameters
 from msrd_ros.nodes.parameter_files import NODES
 from msrd_ros.nodes.waiting import Waiting
@@ -62,7 +60,6 @@ SIDE_OF = "side_"
 """What begins a key of an executor's diagnostics; a label that it has policies for follows."""
 COMPLAINT_PERIOD_S = 1.0
 MOST_COMPLAINTS = 100
-SHUTDOWN_S = 0.5
 
 
 class Finished(Exception):  # noqa: N818 - an end, not an error
@@ -258,7 +255,7 @@ def run(
     try:
         _answer_help(name, arguments, description)
         stay_on_this_machine(os.environ)
-        spins = _leave_interrupts_to_rclpy_later()
+        interrupts = Interrupts()
         try:
             rclpy.init(args=[name, *arguments])
         except Exception as error:  # rclpy raises RCLError and UnknownROSArgsError for unusable arguments
@@ -267,7 +264,7 @@ def run(
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        spins.set()
+        interrupts.leave_to_rclpy()
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -279,10 +276,10 @@ def run(
     except Exception:
         # A signal may shut rclpy down between two steps of the executor or in the middle of a callback, which
         # then ends in an RCLError, or in a RuntimeError where a message was just being taken.
-        if not _is_shut_down():
+        if not is_shut_down():
             raise
     finally:
-        _ignore_signals()
+        ignore_signals()
         if node is not None:
             close = getattr(node, "close", None)
             if close is not None:
@@ -293,38 +290,6 @@ def run(
             executor.shutdown(timeout_sec=0)
         try_shutdown()
     return code
-
-
-def _leave_interrupts_to_rclpy_later() -> threading.Event:
-    """Have Ctrl-C interrupt Python only until the event is set; from then on rclpy ends the node.
-
-    A KeyboardInterrupt between any two steps of rclpy leaves half-made objects behind, which then complain.
-    """
-    spins = threading.Event()
-
-    def interrupt(*_: object) -> None:
-        if not spins.is_set():
-            raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupt)
-    return spins
-
-
-def _ignore_signals() -> None:
-    """Let no second Ctrl-C cut the clean-up short, and no first one that Python tells of only now."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(KeyboardInterrupt):
-            signal.signal(number, signal.SIG_IGN)
-        signal.signal(number, signal.SIG_IGN)
-
-
-def _is_shut_down() -> bool:
-    """Whether a signal has shut rclpy down; it does so on a thread of its own, which may need a moment."""
-    deadline_s = time.monotonic() + SHUTDOWN_S
-    moment = threading.Event()
-    while ok() and time.monotonic() < deadline_s:
-        moment.wait(0.01)  # not time.sleep, which fails under libfaketime
-    return not ok()
 
 
 def _answer_help(name: str, arguments: list[str], description: str) -> None:

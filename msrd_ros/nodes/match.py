@@ -89,7 +89,7 @@ class Match(StackNode):
     def __init__(self) -> None:
         super().__init__("match", MatchConfig)
         config = self.config
-        self.get_logger().info("starting; the first time after an installation this takes a minute")
+        self.get_logger().info("starting; the first time after an installation this takes some seconds")
         self._robot = load_robot(config.robot)
         rally = RallyConfig(robot=self._robot)
         compile_ahead(rally)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -36,6 +37,7 @@ from msrd_ros.nodes.world_output import WorldOutput
 from msrd_ros.robots.loading import load_robot
 from msrd_ros.table_tennis.ball.camera import CameraConfig
 from msrd_ros.table_tennis.ball.feeder import SPREADS, Feeder
+from msrd_ros.table_tennis.simulation import teach_mode
 from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
 from msrd_ros.table_tennis.simulation.rally import RallyConfig
 from msrd_ros.table_tennis.simulation.world import World, WorldConfig, compile_ahead
@@ -112,7 +114,7 @@ class Simulator(ManagedNode):
         """Build the world, and open topics and services; its time stands still."""
         config = self.config
         self._strategies = Strategies.load(config.strategies)
-        self.get_logger().info("starting; the first time after an installation this takes a minute")
+        self.get_logger().info("starting; the first time after an installation this takes some seconds")
         self._robot = load_robot(config.robot)
         arm = ArmConfig(mass_scale=config.mass_scale, joint_friction_nm=config.joint_friction_nm)
         rally = RallyConfig(arm=arm, robot=self._robot)
@@ -131,6 +133,8 @@ class Simulator(ManagedNode):
         self._open_topics()
         self._open_services()
         self.get_logger().info(f"ready: {config.mode}, seed {config.seed}")
+        # After an installation this takes seconds as well; until a hand comes nobody has to wait for it.
+        threading.Thread(target=teach_mode.compile_ahead, args=(self._robot,)).start()
         remedy = "stop it first, or start this simulator in a namespace or domain of its own"
         self._alone = SoleSpeaker(self, "rally/outcome", "decides rallies on", remedy)
         self._pace = Pace(self, self._tick)

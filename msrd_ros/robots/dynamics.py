@@ -22,12 +22,12 @@ GRAVITY_M_S2 = 9.81
 Triple = tuple[float, float, float]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _cross(a: Triple, b: Triple) -> Triple:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _into_child(r: Array, v: Triple) -> Triple:
     return (
         r[0, 0] * v[0] + r[1, 0] * v[1] + r[2, 0] * v[2],
@@ -36,7 +36,7 @@ def _into_child(r: Array, v: Triple) -> Triple:
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _into_parent(r: Array, v: Triple) -> Triple:
     return (
         r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2],
@@ -45,7 +45,7 @@ def _into_parent(r: Array, v: Triple) -> Triple:
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _carried(spin: Triple, change: Triple, arm: Triple) -> Triple:
     """Acceleration of a point at `arm` on a body that turns with `spin` and its rate of `change`."""
     along = _cross(change, arm)

@@ -134,8 +134,10 @@ def link_frames(arm: Arm, joint_position: Array) -> tuple[Array, Array]:
     _place_at_base(arm, position, rotation)
     for index in range(count):
         _turn_onto_child(arm, index, joint_position[index], position, rotation)
-        positions[index] = position
-        rotations[index] = rotation
+        for row in range(3):
+            positions[index, row] = position[row]
+            for column in range(3):
+                rotations[index, row, column] = rotation[row, column]
     return positions, rotations
 
 

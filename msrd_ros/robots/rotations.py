@@ -39,8 +39,13 @@ def quaternion_from_rotation(rotation: Array) -> Array:
         quaternion = np.array([xy, yy, yz, yw])
     else:
         quaternion = np.array([xz, yz, zz, zw])
-    norm = math.sqrt(np.sum(quaternion * quaternion))
-    return quaternion / (norm if quaternion[3] >= 0.0 else -norm)
+    norm = 0.0
+    for index in range(4):
+        norm += quaternion[index] * quaternion[index]
+    norm = math.copysign(math.sqrt(norm), quaternion[3])
+    for index in range(4):
+        quaternion[index] /= norm
+    return quaternion
 
 
 @njit(cache=True, nogil=True)

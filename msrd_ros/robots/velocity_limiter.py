@@ -60,7 +60,8 @@ def brake_torques(
             limit = torque_limit[joint]
             wanted = min(max(busy + wanted, -limit), limit) - busy if excess > 0.0 else 0.0
             change = wanted - brake[joint]
-            coming += mobility[:, joint] * change
+            for other in range(count):
+                coming[other] += mobility[other, joint] * change
             brake[joint] = wanted
             largest = max(largest, abs(change))
         if largest < _SETTLED_NM:

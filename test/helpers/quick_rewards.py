@@ -88,7 +88,7 @@ def learn_quickly(episodes: Sequence[Episode], iterations: int = 1) -> MSRD:
     recipe = stroke_recipe(StrokeTrainingConfig(iterations=iterations, episodes=8), labels, ROBOT)
     recipe = replace(
         recipe,
-        discriminator=replace(recipe.discriminator, first_steps=100, batch=256, ema_rate=0.1),
+        discriminator=replace(recipe.discriminator, first_steps=200, batch=256, ema_rate=0.1),
         value=replace(recipe.value, steps=2),
     )
     strategies = Strategies.shipped()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from msrd_ros.learning.networks import BatchedMLP, Features
+from msrd_ros.learning.networks import BatchedMLP, Features, Linearisation
 
 SIZES = (3, 8, 8, 2)
 
@@ -38,16 +38,17 @@ def test_jacobian_products_agree_with_autograd() -> None:
 
     def output(flat: torch.Tensor) -> torch.Tensor:
         hidden = inputs
-        for layer, (weight, bias) in enumerate(network._split(flat)):
+        for layer, (weight, bias) in enumerate(network.split(flat)):
             hidden = torch.baddbmm(bias, hidden, weight)
             hidden = torch.tanh(hidden) if layer < 2 else hidden
         return hidden
 
-    activations = [part.detach() for part in network.activations(inputs)]
+    linear = Linearisation(network, inputs)
+    assert torch.equal(linear.outputs, network(inputs))
     _, forward = torch.autograd.functional.jvp(output, start, tangent)
     _, backward = torch.autograd.functional.vjp(output, start, cotangent)
-    torch.testing.assert_close(network.push_forward(activations, tangent).detach(), forward)
-    torch.testing.assert_close(network.pull_back(activations, cotangent).detach(), backward)
+    torch.testing.assert_close(linear.push_forward(tangent), forward)
+    torch.testing.assert_close(linear.pull_back(cotangent), backward)
 
 
 def test_flat_parameters_round_trip() -> None:

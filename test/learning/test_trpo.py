@@ -9,7 +9,7 @@ import torch
 from msrd_ros.learning.conjugate_gradient import conjugate_gradient
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.policies import GaussianDistribution, GaussianPolicies
-from msrd_ros.learning.trpo import TrustRegionConfig, natural_gradient, trust_region_step
+from msrd_ros.learning.trpo import TrustRegionConfig, draw_fisher_rows, natural_gradient, trust_region_step
 
 CONFIG = TrustRegionConfig(kl=0.01, fisher_fraction=1.0, damping=0.1)
 
@@ -33,6 +33,10 @@ def batch(policies: GaussianPolicies, count: int = 300) -> tuple[torch.Tensor, t
     return states, actions, advantages
 
 
+def fisher_rows(states: torch.Tensor, generator: torch.Generator | None = None) -> torch.Tensor:
+    return draw_fisher_rows(states.shape[1], CONFIG, generator or torch.Generator())
+
+
 def test_conjugate_gradient_solves_every_system() -> None:
     generator = torch.Generator().manual_seed(0)
     root = torch.randn(5, 12, 12, dtype=torch.float64, generator=generator)
@@ -51,7 +55,7 @@ def test_natural_gradient_agrees_with_a_dense_solve() -> None:
         (torch.exp(log_prob - log_prob.detach()) * advantages).mean(dim=1).sum()
     )
     config = replace(CONFIG, cg_iterations=60)
-    found = natural_gradient(policies, states, gradient, config, torch.Generator())
+    found = natural_gradient(policies, states, gradient, config)
     metric = policies.fisher_metric(states)
     count = gradient.shape[1]
     columns = [metric.product(torch.eye(count)[i].expand(3, count)) for i in range(count)]
@@ -86,7 +90,7 @@ def test_step_improves_within_the_trust_region() -> None:
     policies = make()
     states, actions, advantages = batch(policies)
     before = GaussianDistribution(*(part.detach().clone() for part in policies.distribution(states)))
-    report = trust_region_step(policies, states, actions, advantages, CONFIG, torch.Generator())
+    report = trust_region_step(policies, states, actions, advantages, CONFIG, fisher_rows(states))
     moved = policies.kl(before, policies.distribution(states))
     assert report.accepted.all()
     assert (report.improvement > 0.0).all()
@@ -100,8 +104,8 @@ def test_strategies_do_not_disturb_each_other() -> None:
     states, actions, advantages = batch(together)
     changed = advantages.clone()
     changed[1] = -changed[1]
-    trust_region_step(together, states, actions, advantages, CONFIG, torch.Generator())
-    trust_region_step(alone, states, actions, changed, CONFIG, torch.Generator())
+    trust_region_step(together, states, actions, advantages, CONFIG, fisher_rows(states))
+    trust_region_step(alone, states, actions, changed, CONFIG, fisher_rows(states))
     torch.testing.assert_close(together.flat()[[0, 2]], alone.flat()[[0, 2]], rtol=1e-4, atol=1e-5)
     assert not torch.allclose(together.flat()[1], alone.flat()[1], atol=1e-3)
 
@@ -111,7 +115,7 @@ def test_without_advantage_the_policy_stays() -> None:
     states, actions, advantages = batch(policies)
     start = policies.flat()
     report = trust_region_step(
-        policies, states, actions, torch.zeros_like(advantages), CONFIG, torch.Generator()
+        policies, states, actions, torch.zeros_like(advantages), CONFIG, fisher_rows(states)
     )
     assert torch.equal(policies.flat(), start)
     assert not report.accepted.any()
@@ -122,7 +126,7 @@ def test_entropy_bonus_widens_the_policy() -> None:
     states, actions, advantages = batch(policies)
     config = replace(CONFIG, entropy_weight=1.0)
     before = policies.entropy(policies.distribution(states))
-    trust_region_step(policies, states, actions, torch.zeros_like(advantages), config, torch.Generator())
+    trust_region_step(policies, states, actions, torch.zeros_like(advantages), config, fisher_rows(states))
     assert (policies.entropy(policies.distribution(states)) > before + 0.03).all()
 
 
@@ -137,6 +141,6 @@ def test_repeated_steps_solve_a_bandit() -> None:
         actions = (mean + log_std.exp() * torch.randn(mean.shape, generator=generator)).detach()
         gain = -(actions[..., 0] - targets).square()
         gain = (gain - gain.mean(dim=1, keepdim=True)) / gain.std(dim=1, keepdim=True)
-        trust_region_step(policies, states, actions, gain, config, generator)
+        trust_region_step(policies, states, actions, gain, config, fisher_rows(states, generator))
     mean = policies.distribution(torch.randn(3, 300, 2, generator=generator)).mean.mean(dim=1)[:, 0]
     torch.testing.assert_close(mean, targets[:, 0], atol=0.1, rtol=0.0)

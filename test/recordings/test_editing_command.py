@@ -33,8 +33,8 @@ def test_a_folder_is_listed_filtered_and_sorted(folder: Path, capsys: pytest.Cap
     assert listed(folder, capsys) == [BAG, second, slice_bag]
     assert listed(folder, capsys, "--label", LABEL) == [BAG, second]
     assert listed(folder, capsys, "--subject", "subject_02") == [slice_bag]
-    assert listed(folder, capsys, "--sort", "spin")[0] == slice_bag
-    assert listed(folder, capsys, "--sort", "jerk")[0] == second
+    assert listed(folder, capsys, "--sort", "spin") == [slice_bag, BAG, second]
+    assert listed(folder, capsys, "--sort", "jerk") == [slice_bag, second, BAG]
     assert listed(folder, capsys, "--outliers") == []
     assert listed(folder, capsys, "--discarded") == []
     assert main(["list", str(folder)]) == 0

@@ -13,7 +13,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.core.errors import UserError
 from msrd_ros.robots.arm_model import Arm, slowed
 from msrd_ros.robots.dynamics import GRAVITY_M_S2, inverse_dynamics, inverse_dynamics_into
@@ -78,11 +78,14 @@ def computed_torque(
         lowest = (-limit - measured_velocity[joint]) / step
         wanted[joint] = min(max(change, lowest), highest)
     inverse_dynamics_into(arm, measured_position, measured_velocity, wanted, GRAVITY_M_S2, torque)
-    needed = friction * measured_velocity
-    needed += torque
-    if np.any(np.abs(needed) > torque_limit):
-        _spread(arm, measured_position, measured_velocity, needed)
-    torque[:] = np.minimum(np.maximum(needed, -torque_limit), torque_limit)
+    exceeded = False
+    for joint in range(count):
+        torque[joint] += friction[joint] * measured_velocity[joint]
+        exceeded |= abs(torque[joint]) > torque_limit[joint]
+    if exceeded:
+        _spread(arm, measured_position, measured_velocity, torque)
+    for joint in range(count):
+        torque[joint] = min(max(torque[joint], -torque_limit[joint]), torque_limit[joint])
 
 
 @njit(cache=True, nogil=True)
@@ -93,14 +96,16 @@ def _spread(arm: Arm, position: Array, velocity: Array, torque: Array) -> None:
     the reaction of the others would make them run away.
     """
     count, torque_limit = len(arm[0].speed), arm[0].torque
-    bias = inverse_dynamics(arm, position, velocity, np.zeros(count)) + arm[0].friction * velocity
+    bias = inverse_dynamics(arm, position, velocity, np.zeros(count))
     share = 1.0
     for joint in range(count):
+        bias[joint] += arm[0].friction[joint] * velocity[joint]
         effort = torque[joint] - bias[joint]
         room = torque_limit[joint] - math.copysign(bias[joint], effort * bias[joint])
         if abs(effort) * share > room:
             share = max(room, 0.0) / abs(effort)
-    torque[:] = bias + share * (torque - bias)
+    for joint in range(count):
+        torque[joint] = bias[joint] + share * (torque[joint] - bias[joint])
 
 
 @njit(cache=True, nogil=True)
@@ -157,9 +162,11 @@ def drive(
         gains[1],
         torque,
     )
-    before[:] = now
-    stands = np.all(state[1] == 0.0) and np.all(state[0] == now)
-    return STANDS if stands else MOVES
+    copy_onto(before, now)
+    for joint in range(len(now)):
+        if state[1, joint] != 0.0 or state[0, joint] != now[joint]:
+            return MOVES
+    return STANDS
 
 
 class JointDriver:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.limits import next_velocity
 from msrd_ros.table_tennis.arm.collision_model import MARGIN_M, braking_clearance
@@ -156,4 +156,5 @@ def move_reference(
             # Within the margin, any way that leads out is better than staying.
             if room <= braking_clearance(arm, braked[0], braked[1], table):
                 ahead = braked
-    state[:] = ahead
+    copy_onto(state[0], ahead[0])
+    copy_onto(state[1], ahead[1])

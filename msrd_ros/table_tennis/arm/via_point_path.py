@@ -34,6 +34,7 @@ _TABLE = obstacle(Table())
 
 def room(robot: Robot, pose: Pose) -> float:
     """Least distance in m of the arm at `pose` (N,) from table, floor, stand and itself."""
+    pose = pose.copy()  # one that nobody can write to would be compiled for anew
     return min(clearance(robot.model, pose, _TABLE), self_clearance(robot.model, pose))
 
 

@@ -116,7 +116,10 @@ def fit_flight(
             moved = ball.copy()
             moved[unknown] += nudges[unknown]
             _predict(moved, times, scene, there, usable)
-            slopes[:, unknown] = ((there - here) / (nudges[unknown] * sample_sd)).ravel()
+            for sample in range(count):
+                for axis in range(3):
+                    change = there[sample, axis] - here[sample, axis]
+                    slopes[3 * sample + axis, unknown] = change / (nudges[unknown] * sample_sd)
         misfit = ((positions - here) / sample_sd).ravel()
         for sample in range(count):
             if not usable[sample]:

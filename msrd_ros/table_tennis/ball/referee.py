@@ -110,8 +110,8 @@ def outcome_of(referee: NDArray[np.void], ball_id: int, launch_time: float = 0.0
 
 @njit(cache=True)
 def decide(referee: RefereeState, verdict: int, time: float) -> None:
-    """Write a verdict down, unless there is one."""
-    if referee.verdict == IN_PLAY:
+    """Write a verdict down, unless there is one or `IN_PLAY` is no verdict."""
+    if referee.verdict == IN_PLAY and verdict != IN_PLAY:
         referee.verdict = verdict
         referee.decision_time = time
 
@@ -142,40 +142,43 @@ def judge_touch(referee: RefereeState, surface: int, ball: NDArray[np.float64], 
             referee.net_touched = True
     elif surface == FLOOR:
         if referee.hits > 0:
-            decide(referee, INTO_NET if referee.net_touched else OWN_HALF, time)
+            verdict = INTO_NET if referee.net_touched else OWN_HALF
         else:
-            decide(referee, MISSED if referee.own_bounces > 0 else BAD_FEED, time)
+            verdict = MISSED if referee.own_bounces > 0 else BAD_FEED
+        decide(referee, verdict, time)
 
 
 @njit(cache=True)
 def _judge_hit(referee: RefereeState, ball: NDArray[np.float64], time: float) -> None:
     referee.hits += 1
-    if referee.hits > 1:
-        decide(referee, DOUBLE_HIT, time)
-        return
-    referee.hit_time = time
-    referee.hit_x, referee.hit_y, referee.hit_z = ball[0], ball[1], ball[2]
-    referee.velocity_x, referee.velocity_y, referee.velocity_z = ball[3], ball[4], ball[5]
-    referee.spin_x, referee.spin_y, referee.spin_z = ball[6], ball[7], ball[8]
-    if referee.own_bounces == 0:
-        decide(referee, VOLLEY, time)
+    verdict = DOUBLE_HIT
+    if referee.hits == 1:
+        referee.hit_time = time
+        referee.hit_x, referee.hit_y, referee.hit_z = ball[0], ball[1], ball[2]
+        referee.velocity_x, referee.velocity_y, referee.velocity_z = ball[3], ball[4], ball[5]
+        referee.spin_x, referee.spin_y, referee.spin_z = ball[6], ball[7], ball[8]
+        verdict = VOLLEY if referee.own_bounces == 0 else IN_PLAY
+    decide(referee, verdict, time)
 
 
 @njit(cache=True)
 def _judge_bounce(referee: RefereeState, ball: NDArray[np.float64], time: float) -> None:
     far = ball[0] > 0.0
+    verdict = IN_PLAY
     if referee.hits > 0:
         if far:
             referee.landing_x, referee.landing_y = ball[0], ball[1]
-            decide(referee, RETURNED, time)
+            verdict = RETURNED
         else:
-            decide(referee, INTO_NET if referee.net_touched else OWN_HALF, time)
+            verdict = INTO_NET if referee.net_touched else OWN_HALF
     elif not far:
         referee.own_bounces += 1
         if referee.own_bounces > 1:
-            decide(referee, DOUBLE_BOUNCE, time)
+            verdict = DOUBLE_BOUNCE
     else:
-        decide(referee, DOUBLE_BOUNCE if referee.own_bounces > 0 else BAD_FEED, time)
+        verdict = DOUBLE_BOUNCE if referee.own_bounces > 0 else BAD_FEED
+    # One call: Numba compiles for every constant anew.
+    decide(referee, verdict, time)
 
 
 @njit(cache=True)
@@ -186,10 +189,11 @@ def judge_flight(
     if referee.verdict != IN_PLAY or referee.hits == 0 or ball[2] >= scene.table_top or ball[5] >= 0.0:
         return
     if referee.net_touched:
-        decide(referee, INTO_NET, time)
+        verdict = INTO_NET
     elif ball[0] <= 0.0:
-        decide(referee, OWN_HALF, time)
+        verdict = OWN_HALF
     elif ball[0] - scene.table_half_length >= abs(ball[1]) - scene.table_half_width:
-        decide(referee, LONG, time)
+        verdict = LONG
     else:
-        decide(referee, WIDE, time)
+        verdict = WIDE
+    decide(referee, verdict, time)

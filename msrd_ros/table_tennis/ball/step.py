@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.ball.impact_time import (
     REST_SPEED,
@@ -71,11 +71,11 @@ def step_ball(
         left = duration - elapsed
         if left <= _SHORTEST:
             break
-        end[:] = ball
+        copy_onto(end, ball)
         flight_step(end, left, constants)
         surface, wait = first_impact(ball, end, left, paddle_start, paddle_end, elapsed, duration, constants)
         if surface == NO_CONTACT:
-            ball[:] = end
+            copy_onto(ball, end)
             elapsed = duration
             break
         if surface == PADDLE:

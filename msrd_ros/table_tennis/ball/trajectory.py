@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.table_tennis.ball.flight import BALL_SIZE, flight_step
 from msrd_ros.table_tennis.ball.rebound import rebound_rigid
 from msrd_ros.table_tennis.ball.scene import SceneConstants
@@ -63,15 +63,15 @@ def ball_path(ball: Array, period: float, count: int, scene: NDArray[np.void]) -
     constants = scene[0]
     height = constants.table_top + constants.ball_radius
     path = np.empty((count, BALL_SIZE))
-    path[0] = ball
+    copy_onto(path[0], ball)
     here = ball.copy()
     before = ball.copy()
     for index in range(1, count):
-        before[:] = here
+        copy_onto(before, here)
         flight_step(here, period, constants)
         if here[2] < height <= before[2] and _over_table(here, constants):
             fall = _drop_time(before, height, constants, period)
-            here[:] = before
+            copy_onto(here, before)
             flight_step(here, fall, constants)
             rebound_rigid(
                 here,
@@ -83,7 +83,7 @@ def ball_path(ball: Array, period: float, count: int, scene: NDArray[np.void]) -
                 constants,
             )
             flight_step(here, period - fall, constants)
-        path[index] = here
+        copy_onto(path[index], here)
     return path
 
 
@@ -119,7 +119,7 @@ def return_flight(ball: Array, scene: NDArray[np.void]) -> ReturnFlight:
     here, before = ball.copy(), ball.copy()
     time, apex, net_height = 0.0, ball[2], np.nan
     while time < _LONGEST_FLIGHT_S:
-        before[:] = here
+        copy_onto(before, here)
         flight_step(here, _FLIGHT_STEP_S, constants)
         if before[0] < 0.0 <= here[0]:
             share = -before[0] / (here[0] - before[0])

@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import place_moving_paddle, place_paddle
 from msrd_ros.robots.limits import next_velocity
 from msrd_ros.table_tennis.ball.referee import IN_PLAY
 from msrd_ros.table_tennis.ball.step import step_ball
-from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE, PADDLE_SIZE
+from msrd_ros.table_tennis.ball.surfaces import NO_PADDLE
 
 Array = NDArray[np.float64]
 
@@ -70,11 +70,11 @@ def advance_rally(
         position[joint] += 0.5 * (start_velocity[joint] + velocity[joint]) * period
     steps = round(period / BALL_STEP_S)
     step = period / steps
-    before, after = np.empty(PADDLE_SIZE), np.empty(PADDLE_SIZE)
+    before, after = NO_PADDLE.copy(), NO_PADDLE.copy()
     near = is_near(arm, start_position, ball)
     if not near:
         for index in range(steps):
-            step_ball(ball, referee, NO_PADDLE, NO_PADDLE, time + index * step, step, scene)
+            step_ball(ball, referee, before, after, time + index * step, step, scene)
         return
     middle_position, middle_velocity = np.empty(count), np.empty(count)
     place_moving_paddle(arm, start_position, start_velocity, before)
@@ -88,7 +88,7 @@ def advance_rally(
             )
         place_moving_paddle(arm, middle_position, middle_velocity, after)
         step_ball(ball, referee, before, after, time + index * step, step, scene)
-        before[:] = after
+        copy_onto(before, after)
 
 
 @njit(cache=True, nogil=True)
@@ -138,10 +138,9 @@ def fly_on(
     scene: NDArray[np.void],
 ) -> None:
     """Let balls (N, 9) that are still in play fly on, past any paddle, until each is decided; in place."""
+    nowhere = NO_PADDLE.copy()  # constants are of another type than arrays that change
     for index in range(len(balls)):
         now = time
         while now < until and referees[index].verdict == IN_PLAY:
-            step_ball(
-                balls[index], referees[index : index + 1], NO_PADDLE, NO_PADDLE, now, BALL_STEP_S, scene
-            )
+            step_ball(balls[index], referees[index : index + 1], nowhere, nowhere, now, BALL_STEP_S, scene)
             now += BALL_STEP_S

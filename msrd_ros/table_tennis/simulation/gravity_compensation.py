@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.dynamics import inverse_dynamics, mass_matrix
 from msrd_ros.robots.kinematics import paddle_jacobian
@@ -99,7 +99,9 @@ def float_step(
         Written, shape (N,) each, Nm. The motors' are within the torque limits.
     """
     count, torque_limit = len(arm[0].speed), arm[0].torque
-    carry = inverse_dynamics(arm, position, velocity, np.zeros(count)) + arm[0].friction * velocity
+    carry = inverse_dynamics(arm, position, velocity, np.zeros(count))
+    for joint in range(count):
+        carry[joint] += arm[0].friction[joint] * velocity[joint]
     inertia = mass_matrix(arm, position)
     jacobian = paddle_jacobian(arm, position)
     damping = floating.damping
@@ -116,9 +118,12 @@ def float_step(
             heavy = inertia + step * (pull @ jacobian)
             for joint in range(count):
                 heavy[joint, joint] += step * damping[joint]
-            mobility[:] = step * np.linalg.inv(heavy)
+            inverse = np.linalg.inv(heavy)
+            for joint in range(count):
+                for other in range(count):
+                    mobility[joint, other] = step * inverse[joint, other]
             drive = jacobian.T @ (stiffness * lead + resistance * twist)
-            coming[:] = mobility @ (inertia @ velocity / step + drive)
+            coming = mobility @ (inertia @ velocity / step + drive)
             # A hand at the end of its strength is a hand with a softer grip.
             wrench = _wrench(jacobian @ coming, lead, twist, stiffness, resistance, step)
             force = _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
@@ -129,21 +134,27 @@ def float_step(
                 break
         brake = brake_torques(arm, coming, mobility, carry, damping, floating.brake_from, floating.brake_full)
         wrench = _wrench(jacobian @ coming, lead, twist, stiffness, resistance, step)
-        if np.all(np.abs(coming) <= _TOO_FAST * arm[0].speed):
+        too_fast = False
+        for joint in range(count):
+            too_fast |= abs(coming[joint]) > _TOO_FAST * arm[0].speed[joint]
+        if not too_fast:
             break
         keep = 0.5 if attempt < _GIVE_WAY - 1 else 0.0
         force_share, torque_share = keep * force_share, keep * torque_share
-    wrench[:3] *= _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
-    wrench[3:] *= _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
-    outside[:] = jacobian.T @ wrench
-    wanted = carry - damping * coming + brake
-    motor[:] = np.minimum(np.maximum(wanted, -torque_limit), torque_limit)
+    force = _share(wrench[0], wrench[1], wrench[2], grip.force_limit)
+    torque = _share(wrench[3], wrench[4], wrench[5], grip.torque_limit)
+    wrench = _shared(wrench, force, torque)
+    copy_onto(outside, jacobian.T @ wrench)
+    for joint in range(count):
+        wanted = carry[joint] - damping[joint] * coming[joint] + brake[joint]
+        motor[joint] = min(max(wanted, -torque_limit[joint]), torque_limit[joint])
 
 
 @njit(cache=True, nogil=True)
 def _shared(gains: Array, force_share: float, torque_share: float) -> Array:
-    softer = gains * force_share
-    softer[3:] = gains[3:] * torque_share
+    softer = np.empty(6)
+    for axis in range(6):
+        softer[axis] = gains[axis] * (force_share if axis < 3 else torque_share)
     return softer
 
 
@@ -152,4 +163,8 @@ def _wrench(
     going: Array, lead: Array, twist: Array, stiffness: Array, resistance: Array, step: float
 ) -> Array:
     """What spring and damper give if the paddle's twist over the step is `going`; all of shape (6,)."""
-    return stiffness * (lead - step * going) + resistance * (twist - going)
+    wrench = np.empty(6)
+    for axis in range(6):
+        spring = stiffness[axis] * (lead[axis] - step * going[axis])
+        wrench[axis] = spring + resistance[axis] * (twist[axis] - going[axis])
+    return wrench

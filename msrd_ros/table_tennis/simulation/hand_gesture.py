@@ -80,13 +80,14 @@ def gesture_at(
     index = np.searchsorted(times, time, side="right") - 1
     span = times[index + 1] - times[index]
     s = (time - times[index]) / span
-    p0, p1 = positions[index], positions[index + 1]
-    m0, m1 = twists[index, :3] * span, twists[index + 1, :3] * span
-    b = 3.0 * (p1 - p0) - 2.0 * m0 - m1
-    c = m0 + m1 - 2.0 * (p1 - p0)
-    position = p0 + s * (m0 + s * (b + s * c))
-    twist = np.empty(6)
-    twist[:3] = (m0 + s * (2.0 * b + s * 3.0 * c)) / span
-    twist[3:] = (1.0 - s) * twists[index, 3:] + s * twists[index + 1, 3:]
+    position, twist = np.empty(3), np.empty(6)
+    for axis in range(3):
+        p0, p1 = positions[index, axis], positions[index + 1, axis]
+        m0, m1 = twists[index, axis] * span, twists[index + 1, axis] * span
+        b = 3.0 * (p1 - p0) - 2.0 * m0 - m1
+        c = m0 + m1 - 2.0 * (p1 - p0)
+        position[axis] = p0 + s * (m0 + s * (b + s * c))
+        twist[axis] = (m0 + s * (2.0 * b + s * 3.0 * c)) / span
+        twist[3 + axis] = (1.0 - s) * twists[index, 3 + axis] + s * twists[index + 1, 3 + axis]
     rotation = turned(rotations[index], s * turn_between(rotations[index], rotations[index + 1]))
     return position, rotation, twist

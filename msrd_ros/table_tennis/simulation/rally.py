@@ -54,6 +54,7 @@ class Rally:
         self._farthest_hit_x_m = config.robot.shoulder[0] + config.robot.reach_m + REACH_MARGIN_M
         self._steps = 0
         self._paddle_before: Array = np.empty(PADDLE_SIZE)
+        self._no_paddle: Array = NO_PADDLE.copy()  # one type, one compiled function
         self._paddle_after: Array = np.empty(PADDLE_SIZE)
 
     def __enter__(self) -> Self:
@@ -289,5 +290,5 @@ class Rally:
             self._robot.place_paddle(self._paddle_after)
             ball.move(self._paddle_before, self._paddle_after)
         elif ball.in_play:
-            ball.move(NO_PADDLE, NO_PADDLE)
+            ball.move(self._no_paddle, self._no_paddle)
         self._steps += 1

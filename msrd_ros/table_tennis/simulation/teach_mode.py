@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from msrd_ros.robots.kinematics import paddle_pose
 from msrd_ros.robots.robot import Robot
-from msrd_ros.robots.rotations import rotation_from_quaternion, turn_between, turned
+from msrd_ros.robots.rotations import quaternion_from_rotation, rotation_from_quaternion, turn_between, turned
 from msrd_ros.table_tennis.simulation.gravity_compensation import Floating, Grip, float_step
 from msrd_ros.table_tennis.simulation.hand_gesture import HandGesture, gesture_at
 
-__all__ = ["GuidanceConfig", "HandGesture", "HandGuidance"]
+__all__ = ["GuidanceConfig", "HandGesture", "HandGuidance", "compile_ahead"]
 
 Array = NDArray[np.float64]
 
@@ -122,3 +122,16 @@ class HandGuidance:
             total,
         )
         total += motor
+
+
+def compile_ahead(robot: Robot) -> None:
+    """Lead an arm without a simulator, so that nothing has to be compiled once a hand takes it."""
+    guidance = HandGuidance(robot, GuidanceConfig(), 0.001)
+    home, still = robot.home_rad.copy(), np.zeros(robot.joint_count)
+    position, rotation = paddle_pose(robot.model, home)
+    here = HandGesture.now(position, quaternion_from_rotation(rotation))
+    parts = here.positions, here.quaternions, here.velocities, here.angular_velocities
+    path = HandGesture(np.array([0.0, 1.0]), *(np.repeat(part, 2, axis=0) for part in parts))
+    for gesture in (here, path):
+        guidance.lead(0.0, gesture)
+        guidance.torque(0.5, home, still, np.empty_like(home), np.empty_like(home))

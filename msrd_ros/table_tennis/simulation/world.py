@@ -64,7 +64,8 @@ class Result(NamedTuple):
 def compile_ahead(config: RallyConfig) -> None:
     """Play a ball through a world of its own, so that nothing has to be compiled while others wait.
 
-    The first time after an installation this takes about a minute; from then on the compiled code is kept.
+    The first time after an installation this takes some seconds; from then on the compiled code is kept. What
+    teaching takes beside it is for `teach_mode.compile_ahead`.
     """
     rally = Rally(config)
     home = config.robot.home_rad
@@ -72,12 +73,6 @@ def compile_ahead(config: RallyConfig) -> None:
     rally.launch(Feeder().nominal(DEFAULT_SIDE))
     rally.command(home, np.full_like(home, 0.01), 0.02)
     rally.play_out()
-    pose = rally.paddle
-    rally.set_teach(True)
-    rally.lead_gesture(HandGesture.now(pose.position, pose.quaternion))
-    rally.advance(0.005)
-    rally.release_hand()
-    rally.advance(0.005)
     rally.close()
 
 

@@ -1,10 +1,11 @@
 """Rollouts that are played again, a little differently each time, until their balls land where they shall.
 
-Iterative learning control: the same feed comes again, and what the policy does is changed by smooth offsets
-of the actions. How the landing answers them is fitted to random offsets at first, and for each rollout
-corrected by what its own repetitions show (Broyden's rank-one update). Of all offsets that would do, the
-smallest are taken, and the spin is kept, so that the stroke stays what it was; and the ball is met with the
-middle of the blade, so that small errors do not make it miss.
+Iterative learning control: the same feed comes again, and what the policy did is done again with smooth
+offsets; were the policy asked again, one that holds on to its path would undo them. How the landing answers
+them is fitted to random offsets at first, and for each rollout corrected by what its own repetitions show
+(Broyden's rank-one update). Of all offsets that would do, the smallest are taken, and the spin is kept, so
+that the stroke stays what it was; and the ball is met with the middle of the blade, so that small errors do
+not make it miss.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ class Corrected(NamedTuple):
 
 
 class RepeatedRallies:
-    """The same rallies as often as one likes, with offsets added to the actions.
+    """The same rallies as often as one likes, with offsets added to what was done.
 
     Parameters
     ----------
@@ -119,6 +120,7 @@ class RepeatedRallies:
     def __init__(self, simulator: KinematicRallies, feeds: Feeds, config: CorrectionConfig) -> None:
         self._simulator, self.feeds, self._config = simulator, feeds, config
         self._bumps: Array = np.zeros(0)
+        self._done: list[Array] = []
 
     @property
     def weights_shape(self) -> tuple[int, int, int]:
@@ -133,14 +135,30 @@ class RepeatedRallies:
         steps = np.arange(self._simulator.acting_steps)[:, None, None]
         self._bumps = np.exp(-0.5 * ((steps - centres) / self._config.width_steps) ** 2)
 
-    def play(self, policy: BatchPolicy, weights: Array | None = None) -> tuple[Landed, Rollout]:
-        """Play them all once.
+    def play(self, policy: BatchPolicy) -> tuple[Landed, Rollout]:
+        """Play them all for the first time."""
+        self._done = []
+
+        def act(seen: NDArray[Any]) -> Array:
+            self._done.append(np.asarray(policy(seen), dtype=np.float64))
+            return self._done[-1]
+
+        return self._play(lambda _, seen: act(seen))
+
+    def repeat(self, weights: Array) -> tuple[Landed, Rollout]:
+        """Play them all again as at first, with offsets.
 
         Parameters
         ----------
         weights
-            Of the offsets, see `weights_shape`; None plays the policy as it is.
+            Of the offsets, see `weights_shape`.
         """
+        shaped = weights.reshape(*weights.shape[:2], -1, self.feeds.ready.shape[2])
+        return self._play(
+            lambda step, _: self._done[step] + np.einsum("sb,skbn->skn", self._bumps[step], shaped)
+        )
+
+    def _play(self, act: Callable[[int, NDArray[Any]], Array]) -> tuple[Landed, Rollout]:
         simulator = self._simulator
         strategies, count, joints = self.feeds.ready.shape
         path: list[tuple[Array, Array, Array]] = []
@@ -151,10 +169,7 @@ class RepeatedRallies:
         actions = np.empty((strategies, count, steps, joints), np.float32)
         observations[:, :, 0] = seen
         for step in range(steps):
-            action = np.asarray(policy(seen), dtype=np.float64)
-            if weights is not None:
-                shaped = weights.reshape(strategies, count, -1, joints)
-                action = action + np.einsum("sb,skbn->skn", self._bumps[step], shaped)
+            action = act(step, seen)
             path.append((simulator.joint_position, simulator.joint_velocity, simulator.ball))
             seen = simulator.step(action)
             # What limits have made of the command is what is to be learned, as with demonstrations.
@@ -177,7 +192,7 @@ def fit_response(
     plain, _ = rallies.play(policy)
     rallies.place_bumps(plain.hit_step)
     weights = config.first_offset * rng.standard_normal(rallies.weights_shape)
-    changed, _ = rallies.play(policy, weights)
+    changed, _ = rallies.repeat(weights)
     width = weights.shape[2]
     response = np.zeros((len(weights), plain.answer.shape[-1], width))
     for row, (own, before, after) in enumerate(zip(weights, plain.answer, changed.answer, strict=True)):
@@ -223,7 +238,7 @@ def correct(
         step *= (caution * np.minimum(1.0, config.longest_step_m / np.maximum(length, 1e-9)))[..., None]
         normal = own @ own.swapaxes(-1, -2) + _STIFFNESS_M2 * np.eye(wanted.shape[-1])
         change = (own.swapaxes(-1, -2) @ np.linalg.solve(normal, step[..., None]))[..., 0]
-        tried, again = rallies.play(policy, weights + change)
+        tried, again = rallies.repeat(weights + change)
         both = tried.returned & landed.returned
         surprise = tried.answer - landed.answer - (own @ change[..., None])[..., 0]
         rank_one = surprise[..., :, None] * change[..., None, :]

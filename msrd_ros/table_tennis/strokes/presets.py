@@ -95,6 +95,6 @@ def with_recovery_labels(
     noise = tuple((joint, 0.03) for joint in joint_names)
     return replace(
         config,
-        policy=replace(config.policy, reference_price=1.0),
+        policy=replace(config.policy, reference_price=3.0),
         cloning=replace(config.cloning, steps=2000, state_noise=noise, recovery_labels=recovery_labels),
     )

@@ -84,7 +84,7 @@ class StrokeTrainingConfig:
     """
 
     method: str = "msrd"
-    iterations: int = 80
+    iterations: int = 30
     episodes: int = 200
     seed: int = 0
     spread: str = "twice"

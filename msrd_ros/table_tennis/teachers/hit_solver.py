@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrd_ros.core.compiled import njit
+from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.kinematics import paddle_jacobian, paddle_pose
 from msrd_ros.table_tennis.ball.rebound import rebound_rubber
@@ -150,7 +150,10 @@ def carry_out(arm: Arm, hit: Array, face: float, path: Array, period: float, sce
     normal = face * rotation[:, 1]
     lever = constants.blade_half_thickness * normal
     turn = twist[3:6].copy()
-    velocity = twist[:3] + np.cross(turn, lever)
+    velocity = np.empty(3)
+    for axis in range(3):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        velocity[axis] = twist[axis] + (turn[one] * lever[other] - turn[other] * lever[one])
     off_centre = ball[:3] - centre - normal * (constants.ball_radius + constants.blade_half_thickness)
     approach = -np.sum((ball[3:6] - velocity) * normal)
     struck = ball.copy()
@@ -180,7 +183,8 @@ def hit_residuals(
     constants = scene[0]
     done = carry_out(arm, hit, wish.face, path, period, scene)
     flight = return_flight(done.ball_out, scene)
-    out[0:3] = done.off_centre / _CENTRING_M
+    for axis in range(3):
+        out[axis] = done.off_centre[axis] / _CENTRING_M
     out[3] = (done.ball_out[7] - wish.spin_y) / _SPIN_RAD_S
     out[4] = done.ball_out[6] / _SIDE_SPIN_RAD_S
     out[5] = done.ball_out[8] / _SIDE_SPIN_RAD_S
@@ -196,7 +200,8 @@ def hit_residuals(
     lower_edge = done.ball_in[2] - constants.ball_radius * done.normal[2] - constants.blade_radius * upright
     out[12] = _excess(lower_edge, constants.table_top + BLADE_OVER_TABLE_M, np.inf) / _HEIGHT_EXCESS_M
     along = np.sum(done.paddle_turn * done.normal)
-    out[13:16] = (done.paddle_turn - along * done.normal) / _BLADE_TURN_RAD_S
+    for axis in range(3):
+        out[13 + axis] = (done.paddle_turn[axis] - along * done.normal[axis]) / _BLADE_TURN_RAD_S
     count, place = len(arm[0].speed), _SCALAR_RESIDUALS
     for joint in range(count):
         angle, rate = hit[1 + joint], hit[1 + count + joint]
@@ -240,7 +245,8 @@ def solve_hit(
             moved = hit.copy()
             moved[unknown] += nudge
             hit_residuals(arm, moved, wish, path, period, scene, probe)
-            slopes[:, unknown] = (probe[:count] - residuals[:count]) / nudge
+            for row in range(count):
+                slopes[row, unknown] = (probe[row] - residuals[row]) / nudge
         gradient = slopes.T @ residuals[:count]
         curvature = slopes.T @ slopes
         before = cost
@@ -253,7 +259,7 @@ def solve_hit(
             attempt = 0.5 * np.sum(probe[:count] ** 2)
             if attempt < cost:
                 hit, cost = moved, attempt
-                residuals[:count] = probe[:count]
+                copy_onto(residuals[:count], probe)
                 damping = max(damping * 0.2, 1e-9)
                 break
             damping *= 5.0

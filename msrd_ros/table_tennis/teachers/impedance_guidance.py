@@ -39,8 +39,7 @@ def leading_wrench(
     gram = jacobian @ jacobian.T
     for row in range(6):
         gram[row, row] += 1e-6
-    wrench = np.empty(6)
-    wrench[:] = np.linalg.solve(gram, jacobian @ torque)
+    wrench: Array = np.linalg.solve(gram, jacobian @ torque).astype(np.float64)
     return wrench
 
 

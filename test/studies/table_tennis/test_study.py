@@ -283,6 +283,8 @@ def test_methods_are_what_they_say(data: StudyData, method: str, form: RewardFor
     config = make_training(METHODS[method], data, Budget(), 0).trainer.config
     assert config.reward.form is form
     assert (config.discriminator.cross_weight > 0.0) is cross
+    assert config.cloning.recovery_labels
+    assert config.policy.reference_price > 0.0
 
 
 def test_every_condition_has_a_file_of_its_own() -> None:

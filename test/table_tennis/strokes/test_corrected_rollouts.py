@@ -60,7 +60,7 @@ def test_without_offsets_a_rally_ends_as_it_did() -> None:
     act, again = batch_policy(shipped(), np.empty(0)), rallies(3)
     first, seen = again.play(act)
     again.place_bumps(first.hit_step)
-    second, seen_again = again.play(act, np.zeros(again.weights_shape))
+    second, seen_again = again.repeat(np.zeros(again.weights_shape))
     np.testing.assert_array_equal(first.answer, second.answer)
     np.testing.assert_array_equal(seen.observations, seen_again.observations)
     assert first.returned.mean() > 0.9
