@@ -20,7 +20,7 @@ def code_digest(package: Path = Path(msrd_ros.__file__).parent) -> str:
     digest = sha256()
     for path in sorted(package.rglob("*.py")):
         name = path.relative_to(package)
-        if name.parts[0] in COMPUTING and path.stem not in ("report", "figures"):
+        if name.parts[0] in COMPUTING and path.stem not in ("report", "figures", "tables"):
             digest.update(f"{name.as_posix()}\0".encode() + path.read_bytes() + b"\0")
     return digest.hexdigest()
 

@@ -70,3 +70,14 @@ def pack(values: Mapping[str, NDArray[Any]]) -> Arm:
         record[name][0] = values[name]
     record.setflags(write=False)
     return record
+
+
+def slowed(model: Arm, share: float) -> Arm:
+    """The same arm with that share of its limits of speed and acceleration."""
+    if share == 1.0:
+        return model
+    slower = model.copy()
+    for name in ("speed", "acceleration"):
+        slower[name] *= share
+    slower.setflags(write=False)
+    return slower

@@ -23,6 +23,8 @@ _FIRST_POLICIES_S = 300.0
 class LivePlan:
     """How much is played through the nodes, where a ball takes half a second.
 
+    Learning starts from plain cloning here: better clones leave nothing to be seen of it.
+
     Attributes
     ----------
     iterations, episodes
@@ -33,9 +35,9 @@ class LivePlan:
         Balls per label in each point of its curve.
     """
 
-    iterations: int = 10
+    iterations: int = 5
     episodes: int = 20
-    swap_iterations: int = 40
+    swap_iterations: int = 30
     swap_every: int = 2
     swap_balls: int = 4
 
@@ -57,6 +59,8 @@ class Lesson:
             "out": out,
             "seed": self.seed,
             "checkpoint_every": 0,
+            "corrective_cloning": False,
+            "spread": "standard",
             **others,
         }
 

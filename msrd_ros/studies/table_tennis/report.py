@@ -13,11 +13,22 @@ from msrd_ros.reports.stroke_figures import spin_histograms
 from msrd_ros.studies.table_tennis import figures
 from msrd_ros.studies.table_tennis.methods import METHODS
 from msrd_ros.studies.table_tennis.results import pooled
+from msrd_ros.studies.table_tennis.tables import (
+    methods_table,
+    misses,
+    overall,
+    robustness_table,
+    share,
+    worst_text,
+    write_tables,
+)
+from msrd_ros.table_tennis.simulation.changes import CHANGES
 from msrd_ros.table_tennis.strategies.table import Strategies
 
 
 def write_report(metrics: dict[str, Any], folder: Path) -> Path:
-    """Write ``report.html`` into `folder`; returns its path."""
+    """Write ``report.html``, and its tables as ``tables.md``, into `folder`; returns the report's path."""
+    write_tables(metrics, folder)
     report = Report(
         "Table tennis",
         "Six strokes, shown by hand and recorded, learned with Multi-Strategy Reward Distillation: does the "
@@ -53,40 +64,6 @@ def write_report(metrics: dict[str, Any], folder: Path) -> Path:
     return path
 
 
-def share(part: dict[str, Any]) -> str:
-    """A pooled share with its interval, in percent."""
-    if part["share"] is None:
-        return "-"
-    low, high = part["interval"]
-    return f"{100 * part['share']:.1f} ({100 * low:.1f} to {100 * high:.1f})"
-
-
-def overall(method: dict[str, Any], name: str, total: str) -> dict[str, Any]:
-    """A rate pooled over labels and seeds."""
-    rows = method["labels"].values()
-    return pooled(
-        [count for row in rows for count in row[name]], [count for row in rows for count in row[total]]
-    )
-
-
-def worst(method: dict[str, Any], name: str) -> str:
-    """The label with the lowest pooled share."""
-    rows = {
-        label: row["pooled"][name]["share"]
-        for label, row in method["labels"].items()
-        if row["pooled"][name]["share"] is not None
-    }
-    if not rows:
-        return "-"
-    label = min(rows, key=lambda key: rows[key])
-    return f"{100 * rows[label]:.1f} ({label})"
-
-
-def misses(method: dict[str, Any]) -> int:
-    """Balls fed and not returned."""
-    return sum(sum(row["fed"]) - sum(row["returned"]) for row in method["labels"].values())
-
-
 def _beside_the_paper(report: Report, metrics: dict[str, Any]) -> None:
     msrd = metrics["methods"]["msrd"]
     undone = msrd["undone"]
@@ -95,20 +72,20 @@ def _beside_the_paper(report: Report, metrics: dict[str, Any]) -> None:
     back = pooled([n for row in topspin for n in row["returned"]], [n for row in topspin for n in row["fed"]])
     rows = len(metrics["labels"])
     lines = [
-        ["balls struck", "83 %", share(overall(msrd, "struck", "fed")), worst(msrd, "struck")],
-        ["balls returned", "-", share(overall(msrd, "returned", "fed")), worst(msrd, "returned")],
+        ["balls struck", "83 %", share(overall(msrd, "struck", "fed")), worst_text(msrd, "struck")],
+        ["balls returned", "-", share(overall(msrd, "returned", "fed")), worst_text(msrd, "returned")],
         ["topspin returned", "90 %", share(back), ""],
         [
             "returned balls with the asked stroke's spin",
             "in pictures",
             share(overall(msrd, "spin_class_right", "returned")),
-            worst(msrd, "spin_class_right"),
+            worst_text(msrd, "spin_class_right"),
         ],
         [
             "returned balls within 20 cm of where the demonstrations land",
             "-",
             share(overall(msrd, "within_20cm", "returned")),
-            worst(msrd, "within_20cm"),
+            worst_text(msrd, "within_20cm"),
         ],
         [
             f"matrix rows won by the diagonal, of {rows}, by seed",
@@ -142,36 +119,21 @@ def _beside_the_paper(report: Report, metrics: dict[str, Any]) -> None:
 
 def _rates(report: Report, metrics: dict[str, Any]) -> None:
     methods = metrics["methods"]
-    balls = {sum(row["fed"]) for method in methods.values() for row in method["labels"].values()}
     report.heading("All methods")
-    report.table(
-        ["method", "struck, %", "returned, %", "worst label returned", "spin right, %", "misses", "seconds"],
-        [
-            [
-                METHODS[name].title,
-                share(overall(method, "struck", "fed")),
-                share(overall(method, "returned", "fed")),
-                worst(method, "returned"),
-                share(overall(method, "spin_class_right", "returned")),
-                misses(method),
-                f"{np.mean(method['training_seconds']):.0f}",
-            ]
-            for name, method in methods.items()
-        ],
-        f"{min(balls)} to {max(balls)} balls a label in all; the same balls for every method with as many.",
-    )
+    report.table(*methods_table(metrics))
     cloned = methods.get("behaviour_cloning")
     if cloned and misses(cloned):
         ratio = misses(methods["msrd"]) / misses(cloned)
         report.paragraph(f"MSRD misses {100 * ratio:.0f} % as many balls as plain behaviour cloning does.")
     report.paragraph(
-        "MSRD, AIRL, AIRL per strategy and the frozen rewards all start from plain behaviour cloning, whose "
-        "own row is their start: what rewards and practice add is the difference. Cloning with corrective "
-        "noise needs no reward at all: joint offsets are injected, with labels that undo them; where it "
-        "comes level with MSRD, the return rate alone is no case for inverse reinforcement learning. What "
-        "MSRD has besides is the decomposition: one task reward for all strokes, told apart from how each is "
-        "played, which can train other policies (frozen R0 + S_i). AIRL with one reward plays one policy per "
-        "label on the same reward, for one policy could not know which stroke is asked for."
+        "MSRD, AIRL and AIRL per strategy start from cloning with corrective noise, the frozen rewards from "
+        "plain cloning: what rewards and practice add is the difference to these rows. Cloning with "
+        "corrective noise needs no reward at all: joint offsets are injected, with labels that undo them; "
+        "where it comes level with MSRD, the return rate alone is no case for inverse reinforcement "
+        "learning. What MSRD has besides is the decomposition: one task reward for all strokes, told apart "
+        "from how each is played, which can train other policies (frozen R0 + S_i). AIRL with one reward "
+        "plays one policy per label on the same reward, for one policy could not know which stroke is "
+        "asked for."
     )
 
 
@@ -264,22 +226,16 @@ def _films(report: Report, metrics: dict[str, Any], folder: Path) -> None:
 def _robustness(report: Report, metrics: dict[str, Any]) -> None:
     if not metrics["robustness"]:
         return
-    labels, trained = metrics["labels"], metrics["robustness_randomised"]
     report.heading("Robustness")
+    report.table(*robustness_table(metrics))
+    report.paragraph(
+        f"Nothing was trained for these conditions but {METHODS['msrd_randomised'].title!r}: 3 mm of noise "
+        "and delays of up to 20 ms. Estimator: the ball's launch is fitted to all samples so far "
+        "and flown to the present moment, instead of raw samples' differences."
+    )
     report.table(
-        ["condition", "returned, all, %", *labels, *(["trained for it, %"] if trained else [])],
-        [
-            [
-                name,
-                share(overall(row, "returned", "fed")),
-                *(f"{100 * row['labels'][label]['pooled']['returned']['share']:.0f}" for label in labels),
-                *([share(overall(trained[name], "returned", "fed"))] if trained else []),
-            ]
-            for name, row in metrics["robustness"].items()
-        ],
-        "MSRD's policies, not trained for it but for the last column: those were trained on feeds 1.5 times "
-        "as wide, 3 mm of noise and delays of up to 20 ms (first seed only). Estimator: the ball's launch is "
-        "fitted to all samples so far and flown to the present moment, instead of raw samples' differences.",
+        ["what changes", "why by so much"],
+        [[change.title, change.why] for change in CHANGES.values() if change.why],
     )
 
 
@@ -313,8 +269,8 @@ def _conditions(report: Report, metrics: dict[str, Any]) -> None:
         f"Trained on {len(subjects['training'])} subjects ({', '.join(subjects['training'])}), rewards "
         f"judged on {', '.join(subjects['held_out'])}. {plan['balls']} balls per label and training seed, "
         f"standard spread, start postures scattered by 0.03 rad; seeds {metrics['seeds']}. Training: "
-        f"{plan['budget']['iterations']} iterations of "
-        f"{plan['budget']['episodes']} rollouts a strategy in the batched simulator."
+        f"{plan['budget']['iterations']} iterations, {plan['budget']['plain_iterations']} from plain "
+        f"cloning, of {plan['budget']['episodes']} rollouts a strategy in the batched simulator."
     )
     report.paragraph(
         f"Over all evaluation balls of all methods, {sum(one['samples'] for one in limits) / 1000:.0f} s of "
@@ -322,4 +278,4 @@ def _conditions(report: Report, metrics: dict[str, Any]) -> None:
         f"speed was {100 * max(one['speed_fraction'] for one in limits):.1f} % and the largest torque "
         f"{100 * max(one['torque_fraction'] for one in limits):.1f} % of its limit."
     )
-    report.code("python -m msrd_ros reproduce table_tennis")
+    report.code(f"python -m msrd_ros reproduce table_tennis --seeds {len(metrics['seeds'])}")

@@ -1,4 +1,4 @@
-"""What a real camera, a real arm and a worse feeder cost the same policies."""
+"""Under which conditions strokes are judged beside those in which they were taught."""
 
 from __future__ import annotations
 
@@ -6,36 +6,30 @@ from dataclasses import replace
 
 from msrd_ros.studies.table_tennis.playing import Conditions
 from msrd_ros.table_tennis.ball.camera import CameraConfig
-from msrd_ros.table_tennis.ball.feeder import STANDARD, WIDE
-from msrd_ros.table_tennis.simulation.bullet_arm import ArmConfig
-from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
-from msrd_ros.table_tennis.simulation.world import WorldConfig
+from msrd_ros.table_tennis.ball.feeder import SPREADS
+from msrd_ros.table_tennis.simulation.changes import AS_TAUGHT, CHANGES, WorldChange
 
-NOMINAL = "as trained"
+NOMINAL = CHANGES[AS_TAUGHT].title
+WITH_ESTIMATOR = ", estimator"
+_CAMERAS = (
+    WorldChange("3 mm noise", camera=CameraConfig(noise_std_m=0.003)),
+    WorldChange("20 ms latency", camera=CameraConfig(latency_s=0.02)),
+    WorldChange("60 Hz camera", camera=CameraConfig(rate_hz=60.0)),
+    WorldChange("20 % of frames lost", camera=CameraConfig(dropout=0.2)),
+    WorldChange("60 Hz, 3 mm, 20 ms, 10 % lost", camera=CameraConfig(60.0, 0.003, 0.02, 0.1)),
+)
+_FEEDS = {"wide": "1.5 times as wide", "twice": "twice as wide", "thrice": "three times as wide"}
 
 
 def robustness_conditions() -> dict[str, Conditions]:
-    """By the name under which they stand in the table; each differs from the nominal in what it says."""
-    cameras = {
-        "3 mm noise": CameraConfig(noise_std_m=0.003),
-        "20 ms latency": CameraConfig(latency_s=0.02),
-        "60 Hz camera": CameraConfig(rate_hz=60.0),
-        "20 % of frames lost": CameraConfig(dropout=0.2),
-        "60 Hz, 3 mm, 20 ms, 10 % lost": CameraConfig(60.0, 0.003, 0.02, 0.1),
-    }
-    found = {NOMINAL: Conditions(), f"{NOMINAL}, estimator": Conditions(filtered=True)}
-    for name, camera in cameras.items():
-        plain = Conditions(WorldConfig(camera=camera))
-        found[name] = plain
-        found[f"{name}, estimator"] = replace(plain, filtered=True)
-    arms = {
-        "masses +10 %": ArmConfig(mass_scale=1.1),
-        "masses -10 %": ArmConfig(mass_scale=0.9),
-        "joint friction +10 %": ArmConfig(friction_scale=1.1),
-        "joint friction -10 %": ArmConfig(friction_scale=0.9),
-    }
-    for name, arm in arms.items():
-        found[name] = Conditions(WorldConfig(rally=RallyConfig(arm=arm)))
-    found["feeds 1.5 times as wide"] = Conditions(spread=WIDE)
-    found["feeds twice as wide"] = Conditions(spread=STANDARD.wider(2.0))
+    """By the name under which they stand in the table; each differs from the nominal in what it says.
+
+    The ball through the estimator stands where it is hardest to see, and where it is easiest.
+    """
+    changes = [*CHANGES.values(), *_CAMERAS]
+    found = {change.title: Conditions(change.in_bullet()) for change in changes}
+    for change in (CHANGES[AS_TAUGHT], _CAMERAS[-1]):
+        found[change.title + WITH_ESTIMATOR] = replace(found[change.title], filtered=True)
+    for name, width in _FEEDS.items():
+        found[f"feeds {width}"] = Conditions(spread=SPREADS[name])
     return found

@@ -50,10 +50,13 @@ from msrd_ros.studies.table_tennis.results import (
     save_films,
 )
 from msrd_ros.studies.table_tennis.robustness import robustness_conditions
+from msrd_ros.table_tennis.simulation.changes import CHANGES
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 EVALUATION_SEED, ROBUSTNESS_SEED = 4000, 5000
+ROBUST = ("msrd", "behaviour_cloning", "cloning_with_noise", "msrd_randomised")
+"""Methods that are played under all conditions."""
 
 
 def file_name(condition: str) -> str:
@@ -82,6 +85,8 @@ class StudyPlan:
         Rows of the table; the supplement comes last and on the first seed only.
     conditions
         Rows of the robustness table; None takes all.
+    robust
+        Methods that are played under all conditions; those of the supplement on the first seed only.
     live
         What is learned and played over topics; None leaves it out.
     """
@@ -92,10 +97,11 @@ class StudyPlan:
     held_out: int = 2
     budget: Budget = field(default_factory=Budget)
     balls: int = 200
-    robustness_balls: int = 50
+    robustness_balls: int = 40
     methods: tuple[str, ...] = MAIN_METHODS
     supplement: tuple[str, ...] = SUPPLEMENT
     conditions: tuple[str, ...] | None = None
+    robust: tuple[str, ...] = ROBUST
     live: LivePlan | None = field(default_factory=LivePlan)
 
     @classmethod
@@ -107,6 +113,7 @@ class StudyPlan:
             held_out=1,
             budget=Budget(
                 iterations=2,
+                plain_iterations=2,
                 episodes=40,
                 cloning_steps=400,
                 evaluate_every=2,
@@ -115,7 +122,8 @@ class StudyPlan:
             balls=4,
             robustness_balls=1,
             supplement=(),
-            conditions=("60 Hz, 3 mm, 20 ms, 10 % lost, estimator", "masses +10 %"),
+            conditions=("60 Hz, 3 mm, 20 ms, 10 % lost, estimator", CHANGES["payload"].title),
+            robust=("msrd", "cloning_with_noise"),
             live=None,
         )
 
@@ -159,10 +167,10 @@ class Study:
         for seed in range(plan.seeds):
             for method in plan.methods:
                 rows.setdefault(method, []).append(self._row(method, seed))
-        robustness = self._robustness("msrd", range(plan.seeds))
-        randomised: dict[str, list[dict[str, Any]]] = {}
-        if "msrd_randomised" in plan.supplement:
-            randomised = self._robustness("msrd_randomised", range(1))
+        robustness = {
+            method: self._robustness(method, range(1 if method in plan.supplement else plan.seeds))
+            for method in plan.robust
+        }
         for method in plan.supplement:
             rows.setdefault(method, []).append(self._row(method, 0))
         over_topics = self._over_topics(plan.live) if plan.live else {}
@@ -178,8 +186,7 @@ class Study:
             "seeds": list(range(plan.seeds)),
             "labels": labels,
             "methods": methods,
-            "robustness": robustness_metrics(robustness, labels),
-            "robustness_randomised": robustness_metrics(randomised, labels),
+            "robustness": {method: robustness_metrics(found, labels) for method, found in robustness.items()},
             **over_topics,
             "subjects": {
                 name: sorted({episode.subject for episode in part})

@@ -8,13 +8,14 @@ torque limits. When a command is used up, the reference decelerates to a hold.
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrd_ros.core.compiled import copy_onto, njit
 from msrd_ros.core.errors import UserError
-from msrd_ros.robots.arm_model import Arm
+from msrd_ros.robots.arm_model import Arm, slowed
 from msrd_ros.robots.dynamics import GRAVITY_M_S2, inverse_dynamics, inverse_dynamics_into
 from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.robot import Robot
@@ -179,10 +180,25 @@ class JointDriver:
         Period of the torque loop.
     table
         To be kept clear of.
+    limits_share
+        What it allows of the robot's limits of speed and acceleration.
+    dead_time_s
+        How long after a command came it begins with it.
     """
 
-    def __init__(self, robot: Robot, step_s: float, table: Table) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        step_s: float,
+        table: Table,
+        limits_share: float = 1.0,
+        dead_time_s: float = 0.0,
+    ) -> None:
         self._robot = robot
+        self._model = slowed(robot.model, limits_share)
+        self._dead_steps = round(dead_time_s / step_s)
+        self._late: deque[tuple[int, Array, int]] = deque()  # when it begins, goal (2, N), steps
+        self._clock = 0
         count, gains = robot.joint_count, robot.driver
         self._gains = np.array([gains.stiffness_1_s2, gains.damping_1_s, gains.catch_up_1_s])
         self._step_s = step_s
@@ -205,9 +221,10 @@ class JointDriver:
         self._before[:] = self._state[0] = position
         self._state[1] = 0.0
         if velocity is not None:
-            fastest = self._robot.limits.speed_rad_s
+            fastest = self._model[0]["speed"]
             self._state[1] = np.clip(velocity, -fastest, fastest)
             self._before -= self._step_s * self._state[1]
+        self._late.clear()
         self._steps_left = 0
         self._carefree[0] = 0.0
         self.reference_rests = velocity is None
@@ -222,25 +239,34 @@ class JointDriver:
         UserError
             If a number is not finite (the message names the joint), or the period is not positive.
         """
-        limits = self._robot.limits
+        limits, fastest = self._robot.limits, self._model[0]["speed"]
         goal = np.array([position, velocity], dtype=np.float64).reshape(2, self._robot.joint_count)
         if not np.isfinite(goal).all():
             joint = self._robot.joint_names[int(np.argwhere(~np.isfinite(goal))[0][1])]
             raise UserError(f"command for joint {joint} is not a finite number; the command is ignored")
         steps = round(period_s / self._step_s) if np.isfinite(period_s) else 0
         goal[0].clip(limits.lowest_rad, limits.highest_rad, out=goal[0])
-        goal[1].clip(-limits.speed_rad_s, limits.speed_rad_s, out=goal[1])
+        goal[1].clip(-fastest, fastest, out=goal[1])
         if steps < 1:
             raise UserError(f"command period is {period_s} s; send at least {self._step_s} s")
         if self.reference_rests and np.array_equal(goal, self._state):
             return  # told to stay where it is: rest is not disturbed
+        self.reference_rests = False
+        if self._dead_steps:
+            self._late.append((self._clock + self._dead_steps, goal, steps))
+        else:
+            self._begin(goal, steps)
+
+    def _begin(self, goal: Array, steps: int) -> None:
         self._command[0:2] = self._state
         self._command[2:4] = goal
         self._steps = self._steps_left = steps
-        self.reference_rests = False
 
     def torque(self, position: Array, velocity: Array, torque: Array) -> None:
         """Write the torques (N,) for the coming step, given the measured state (N,), into `torque`."""
+        while self._late and self._late[0][0] <= self._clock:
+            self._begin(*self._late.popleft()[1:])
+        self._clock += 1
         if self._drive(position, velocity, torque) == BLOCKED:
             # Something is in the way: start anew from where the arm is, as a colliding robot stops.
             self.hold_at(position, velocity)
@@ -249,7 +275,7 @@ class JointDriver:
     def _drive(self, position: Array, velocity: Array, torque: Array) -> int:
         done = self._steps - self._steps_left + 1 if self._steps_left else self._steps + 1
         result: int = drive(
-            self._robot.model,
+            self._model,
             position,
             velocity,
             self._before,
@@ -265,5 +291,5 @@ class JointDriver:
         )
         if result != BLOCKED:
             self._steps_left = max(self._steps_left - 1, 0)
-            self.reference_rests = result == STANDS and not self._steps_left
+            self.reference_rests = result == STANDS and not self._steps_left and not self._late
         return result

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from msrd_ros.core.compiled import njit
+from msrd_ros.core.errors import UserError
 from msrd_ros.robots.arm_model import Arm
 from msrd_ros.robots.robot import Robot
 from msrd_ros.table_tennis.ball.ends import End
@@ -24,21 +26,45 @@ POSITION_TOLERANCE_RAD = 1e-3
 
 @dataclass(frozen=True)
 class ArmConfig:
-    """How the simulated arm differs from the robot's model of itself, for studies of robustness.
+    """How the simulated arm differs from the robot's model of itself, by which driver and player go.
 
     Attributes
     ----------
     mass_scale
         Factor on all masses and inertias.
-    friction_scale
-        Factor on the joints' viscous friction, that of its model.
     joint_friction_nm
         Dry friction of every joint, of which the model knows nothing; doubles the cost of a step.
+    payload_kg
+        Mass in the paddle's centre of mass, beside the paddle's own.
+    limits_share
+        What the driver allows of the limits of speed and acceleration, above 0 and up to 1.
+    dead_time_s
+        How long after a command was sent the driver begins with it; whole milliseconds.
+    backlash_rad
+        Play of every joint's gear, from one flank to the other; encoders sit on the motor's side.
+
+    Raises
+    ------
+    UserError
+        If a number is out of its range.
     """
 
     mass_scale: float = 1.0
-    friction_scale: float = 1.0
     joint_friction_nm: float = 0.0
+    payload_kg: float = 0.0
+    limits_share: float = 1.0
+    dead_time_s: float = 0.0
+    backlash_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not (math.isfinite(value) and value >= 0.0):
+                raise UserError(f"arm: {name} is {value}; give a finite number that is not negative")
+        for name in ("mass_scale", "limits_share"):
+            if getattr(self, name) == 0.0:
+                raise UserError(f"arm: {name} is 0; give a number above 0")
+        if self.limits_share > 1.0:
+            raise UserError(f"arm: limits_share is {self.limits_share}; give a number up to 1")
 
 
 @dataclass
@@ -170,6 +196,8 @@ class BulletArm:
         self.joints: list[int] = [by_name[name] for name in robot.joint_names]
         self.links: dict[str, int] = by_name
         self._free_the_joints(config, robot.model[0]["friction"])
+        if config.payload_kg:
+            self._load(by_name[robot.standing.mount.name], config.payload_kg)
         self.position: Array = np.zeros(robot.joint_count)
         self.velocity: Array = np.zeros(robot.joint_count)
 
@@ -187,9 +215,18 @@ class BulletArm:
             self.body, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self._client
         )
         for joint, damping in zip(self.joints, friction.tolist(), strict=True):
-            pybullet.changeDynamics(
-                self.body, joint, jointDamping=damping * config.friction_scale, physicsClientId=self._client
-            )
+            pybullet.changeDynamics(self.body, joint, jointDamping=damping, physicsClientId=self._client)
+
+    def _load(self, link: int, mass_kg: float) -> None:
+        """Add a point mass in a link's centre of mass, about which its inertia stays what it is."""
+        mass, _, inertia, *_ = pybullet.getDynamicsInfo(self.body, link, physicsClientId=self._client)
+        pybullet.changeDynamics(
+            self.body,
+            link,
+            mass=mass + mass_kg,
+            localInertiaDiagonal=inertia,
+            physicsClientId=self._client,
+        )
 
     def place(self, position: Array) -> None:
         """Put the joints at rest at `position` (N,) in rad, whatever they did before."""

@@ -15,6 +15,7 @@ from msrd_ros.robots.limits import JointReference
 from msrd_ros.robots.rotations import quaternion_from_rotation
 from msrd_ros.table_tennis.arm.driver import JointDriver
 from msrd_ros.table_tennis.simulation.bullet_arm import BulletArm, LimitLog
+from msrd_ros.table_tennis.simulation.gears import Gears
 from msrd_ros.table_tennis.simulation.rally_config import RallyConfig
 from msrd_ros.table_tennis.simulation.teach_mode import HandGesture, HandGuidance
 
@@ -57,7 +58,13 @@ class SimulatedRobot:
         self._client = client
         self._robot = robot = config.robot
         self._arm = BulletArm(client, robot, config.arm)
-        self._driver = JointDriver(robot, STEP_S, config.scene.table)
+        self._gears = Gears(robot, config.arm.backlash_rad) if config.arm.backlash_rad else None
+        encoders = self._gears or self._arm
+        self._measured, self._measured_velocity = encoders.position, encoders.velocity
+        self._velocity_before: Array = np.zeros(robot.joint_count)
+        self._driver = JointDriver(
+            robot, STEP_S, config.scene.table, config.arm.limits_share, config.arm.dead_time_s
+        )
         self._guidance = HandGuidance(robot, config.guidance, STEP_S)
         self._teaching = False
         self._led = False
@@ -70,19 +77,18 @@ class SimulatedRobot:
     @property
     def joint_position(self) -> Array:
         """Measured joint angles, shape (N,), rad."""
-        return self._arm.position.copy()
+        return self._measured.copy()
 
     @property
     def joint_velocity(self) -> Array:
         """Measured joint rates (mean over the last millisecond), shape (N,), rad/s."""
-        return self._arm.velocity.copy()
+        return self._measured_velocity.copy()
 
     @property
     def joint_effort(self) -> Array:
         """Torques of the motors in the last step, shape (N,), Nm."""
         if self._resting:
-            still = np.zeros(self._robot.joint_count)
-            return inverse_dynamics(self._robot.model, self._arm.position, still, still)
+            return self._weight(self._arm.position)
         return self._effort.copy()
 
     @property
@@ -146,7 +152,7 @@ class SimulatedRobot:
         self.release_hand()
         self._led = False
         if not self._resting:
-            self._driver.hold_at(self._arm.position, self._arm.velocity)
+            self._driver.hold_at(self._measured, self._measured_velocity)
 
     def lead(self, time_s: float, gesture: HandGesture) -> None:
         """Let a hand lead the paddle through a gesture that starts at `time_s`.
@@ -173,25 +179,45 @@ class SimulatedRobot:
         arm = self._arm
         if self._led and not self._guidance.holds_on(time_s):
             self._led = False
-            self._driver.hold_at(arm.position, arm.velocity)
+            self._driver.hold_at(self._measured, self._measured_velocity)
         if self._led:
             self._guidance.torque(time_s, arm.position, arm.velocity, self._effort, self._total_torque)
             arm.apply(self._total_torque)
         else:
-            self._driver.torque(arm.position, arm.velocity, self._effort)
+            self._driver.torque(self._measured, self._measured_velocity, self._effort)
             arm.apply(self._effort)
         pybullet.stepSimulation(physicsClientId=self._client)
         arm.read()
+        if self._gears is not None:
+            self._gears.turn(arm.position, arm.velocity, self._planned_torque(), STEP_S)
         self.limits.note(arm.position, arm.velocity, self._effort)
         if not self._led and self._driver.reference_rests:
             self._rest_if_there(self._driver.reference.position)
 
     def _rest_if_there(self, goal: Array) -> None:
         slow = np.abs(self._arm.velocity).max() < _REST_VELOCITY_RAD_S
-        if slow and np.abs(self._arm.position - goal).max() < _REST_POSITION_RAD:
+        if slow and np.abs(self._measured - goal).max() < _REST_POSITION_RAD:
             self._rest_at(goal)
 
     def _rest_at(self, position: Array) -> None:
-        self._arm.place(position)
+        links = position
+        if self._gears is not None:
+            links = self._gears.rest(position, self._weight(position))
+            self._velocity_before[:] = 0.0
+        self._arm.place(links)
         self._driver.hold_at(position)
         self._resting = True
+
+    def _planned_torque(self) -> Array:
+        """Torques (N,) in Nm that the reference's motion takes: without the corrections of the driver.
+
+        With these the gears would answer to what answers to the gears, in the same millisecond.
+        """
+        position, velocity = self._driver.reference
+        change, self._velocity_before = velocity - self._velocity_before, velocity
+        return inverse_dynamics(self._robot.model, position, velocity, change / STEP_S)
+
+    def _weight(self, position: Array) -> Array:
+        """Torques (N,) in Nm that hold the arm still."""
+        still = np.zeros(self._robot.joint_count)
+        return inverse_dynamics(self._robot.model, position, still, still)

@@ -36,6 +36,7 @@ from msrd_ros.table_tennis.simulation.batched import (
     RallyPlan,
     RallyVariation,
 )
+from msrd_ros.table_tennis.simulation.changes import AS_TAUGHT, find_change
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 from msrd_ros.table_tennis.strokes.description import met_side
@@ -73,6 +74,8 @@ class StrokeTrainingConfig:
         Of the batched simulator.
     strategy_rewards
         Whose a strategy reward is, a key of `REWARD_GROUPS`.
+    world
+        Where the policies practise, a key of `changes.CHANGES` that the batched simulator knows.
     corrective_cloning
         Whether the policies start from cloning with injected joint offsets and labels that undo them, and to
         leave them has a price; otherwise they start from plain cloning and are free.
@@ -92,6 +95,7 @@ class StrokeTrainingConfig:
     corrective_cloning: bool = True
     cloning_steps: int | None = None
     strategy_rewards: str = "side_and_stroke"
+    world: str = AS_TAUGHT
 
 
 def stroke_facts(
@@ -235,9 +239,8 @@ class StrokeTraining:
         variation = RallyVariation(
             SPREADS[config.spread], config.ready_noise_rad, config.camera_noise_m, config.camera_latency_s
         )
-        return KinematicRallies(
-            plans, KinematicRalliesConfig(variation=variation, threads=config.threads, robot=self.robot)
-        )
+        usual = KinematicRalliesConfig(variation=variation, threads=config.threads, robot=self.robot)
+        return KinematicRallies(plans, find_change(config.world).in_batch(usual))
 
     def policies(self, exploration_seed: int | None = None) -> StrokePolicies:
         """The present policies, as the executor plays them."""

@@ -100,9 +100,26 @@ def test_no_subject_is_on_both_sides(metrics: dict[str, Any]) -> None:
 
 
 def test_robustness_table_has_its_rows(metrics: dict[str, Any]) -> None:
-    assert set(metrics["robustness"]) <= set(robustness_conditions())
-    for row in metrics["robustness"].values():
-        assert row["labels"]["backhand-slice"]["fed"] == [1]
+    assert list(metrics["robustness"]) == ["msrd", "cloning_with_noise"]
+    for rows in metrics["robustness"].values():
+        assert len(rows) == 2
+        assert set(rows) <= set(robustness_conditions())
+        for row in rows.values():
+            assert row["labels"]["backhand-slice"]["fed"] == [1]
+
+
+def test_tables_for_documents_say_what_was_measured(
+    quick: tuple[Path, float], metrics: dict[str, Any]
+) -> None:
+    lines = (quick[0] / "tables.md").read_text().splitlines()
+    for name, method in metrics["methods"].items():
+        fed = sum(row["fed"][0] for row in method["labels"].values())
+        missed = fed - sum(row["returned"][0] for row in method["labels"].values())
+        (line,) = (line for line in lines if line.startswith(f"| {METHODS[name].title} |"))
+        assert f"| {missed} of {fed} |" in line
+    for condition in metrics["robustness"]["msrd"]:
+        (line,) = (line for line in lines if line.startswith(f"| {condition} |"))
+        assert line.count("|") == 4
 
 
 def test_quick_study_is_meaningful(metrics: dict[str, Any]) -> None:

@@ -61,8 +61,12 @@ def test_the_paddle_follows_shaped_commands_within_two_millimetres(rally: Rally)
 
 @pytest.mark.parametrize(
     "config",
-    [ArmConfig(mass_scale=1.1), ArmConfig(friction_scale=3.0), ArmConfig(joint_friction_nm=0.3)],
-    ids=["heavier", "rougher", "dry"],
+    [
+        ArmConfig(mass_scale=1.1),
+        ArmConfig(joint_friction_nm=0.3),
+        ArmConfig(payload_kg=0.5),
+    ],
+    ids=["heavier", "dry", "loaded"],
 )
 def test_an_arm_unlike_its_model_still_follows_within_five_millimetres(config: ArmConfig) -> None:
     with Rally(RallyConfig(arm=config)) as rally:
