@@ -49,7 +49,7 @@ def seconds_until_answer(stack: Stack, process: RunningProcess, name: str) -> fl
     stack.wait_until(answered, f"answer of {name}", PATIENCE_S, process)
     took_s = process.cpu_seconds()
     stack.node.destroy_client(client)
-    process.stop()
+    process.stop(timeout_s=PATIENCE_S)  # right after an installation it compiles on
     stack.wait_until(lambda: name not in stack.node.get_node_names(), f"end of {name}")
     return took_s
 
