@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ def seconds_until_answer(stack: Stack, process: RunningProcess, name: str) -> fl
     stack.wait_until(answered, f"answer of {name}", PATIENCE_S, process)
     took_s = process.cpu_seconds()
     stack.node.destroy_client(client)
-    process.stop()
+    process.stop(timeout_s=PATIENCE_S)  # right after an installation it compiles on
     stack.wait_until(lambda: name not in stack.node.get_node_names(), f"end of {name}")
     return took_s
 
@@ -62,9 +63,10 @@ def compare(starts: int = 3) -> Iterator[Comparison]:
             launcher = Launcher(Installation("checkout", checkout=True), DOMAIN_ID, Path(folder))
             launcher.set("NUMBA_CACHE_DIR", str(Path(folder, "compiled", name)))
             times = []
-            for _ in range(1 + starts):
-                process = launcher.start(name, parameters=dict(parameters))
-                times.append(seconds_until_answer(stack, process, name))
+            with closing(launcher):
+                for _ in range(1 + starts):
+                    process = launcher.start(name, parameters=dict(parameters))
+                    times.append(seconds_until_answer(stack, process, name))
             for when, seconds in (("first", times[0]), ("later", sorted(times[1:])[starts // 2])):
                 what = f"start of {name}, {when}"
                 yield Comparison(what, "s", seconds, "bare rclpy node", bare, less_is_better=True, note=NOTE)
