@@ -16,6 +16,7 @@ from msrd_ros.contract.episode import (
     ACTING_STEPS,
     BALL_NAMES,
     FIRST_ACTING_STEP,
+    PADDLE_NAMES,
     Episode,
     action_names,
 )
@@ -143,7 +144,7 @@ def stroke_recipe(
     strategies: Strategies | None = None,
 ) -> MSRDConfig:
     """Settings of MSRD on strokes of these labels by an arm; other methods' follow from them."""
-    recipe = table_tennis(BALL_NAMES, robot.joint_names)
+    recipe = table_tennis(BALL_NAMES, PADDLE_NAMES)
     owned = _groups(config, labels, strategies or Strategies.shipped())
     groups = list(dict.fromkeys(owned))
     shared = tuple(map(groups.index, owned)) if len(groups) < len(owned) else ()
