@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,14 +32,14 @@ def centres(robot: Robot, joints: np.ndarray) -> np.ndarray:
 def test_the_other_arm_brings_the_blade_the_same_way(shown: dict[StrategyLabel, np.ndarray]) -> None:
     found = retarget(shown, SAWYER, UR10E, FEW)
     assert len(found.episodes) == sum(map(len, shown.values()))
-    assert max(found.miss_m.values()) < 0.03
+    assert max(found.miss_m.values()) < 0.04
     episode, label = found.episodes[0], next(iter(shown))
     assert (episode.label, episode.robot) == (label, UR10E)
     assert len(episode.joint_position) == HORIZON + 1
     acting = slice(FIRST_ACTING_STEP, FIRST_ACTING_STEP + ACTING_STEPS)
     before = np.asarray(shown[label][0, :ACTING_STEPS, : SAWYER.joint_count], dtype=np.float64)
     apart = centres(UR10E, episode.joint_position[acting]) - centres(SAWYER, before)
-    assert np.linalg.norm(apart, axis=1).mean() < 0.03
+    assert np.linalg.norm(apart, axis=1).mean() < 0.04
     np.testing.assert_array_equal(episode.ball_position[FIRST_ACTING_STEP:], shown[label][0, :, 7:10])
     limits = UR10E.limits
     for each in found.episodes:
@@ -58,7 +60,7 @@ def test_what_is_too_fast_stays_behind(shown: dict[StrategyLabel, np.ndarray]) -
 
 def test_an_arm_that_does_not_get_there_is_told(shown: dict[StrategyLabel, np.ndarray]) -> None:
     label = next(iter(shown))
-    away = {label: shown[label].copy()}
-    away[label][..., 0] += np.pi  # turns the arm's back to the table
+    model = SAWYER.model.copy()
+    model["base_position"][0, 0] -= 5.0
     with pytest.raises(UserError, match=f"ur10e: cannot bring its blade to where {label} waits"):
-        retarget(away, SAWYER, UR10E, FEW)
+        retarget({label: shown[label]}, replace(SAWYER, model=model), UR10E, FEW)
