@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from msrd_ros.cluster.workers import Workers
+from msrd_ros.cluster.workers import Unit, Workers
 from msrd_ros.contract.episode import ACTING_STEPS
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.trajectories import Transitions
@@ -65,8 +65,8 @@ class StudyPlan:
 
     seeds: int = 3
     arms: tuple[str, ...] = ("sawyer_60_percent", "ur10e")
-    taught_iterations: int = 40
-    iterations: int = 40
+    taught_iterations: int = 30
+    iterations: int = 30
     episodes: int = 200
     balls: int = 400
 
@@ -84,14 +84,26 @@ def run_study(
     kept = folder / cache_key(settings)
     kept.mkdir(parents=True, exist_ok=True)
     seeds = range(plan.seeds)
-    units = [(plan, seed, kept) for seed in seeds if not _taught_file(kept, seed).exists()]
-    for seed, _ in enumerate(workers.map(teach, units), 1):
-        progress(f"taught the Sawyer, {seed} of {len(units)}")
-    runs = [(plan, name, row, seed, kept) for seed in seeds for name in plan.arms for row in ROWS]
-    found: dict[str, dict[str, list[dict[str, Any]]]] = {}
-    for (_, name, row, seed, _), result in zip(runs, workers.map(judged_run, runs), strict=True):
-        progress(f"{name}, {row}, seed {seed}: {100 * np.mean(result['returned']):.0f} % returned")
-        found.setdefault(name, {}).setdefault(row, []).append(result)
+    untaught = [seed for seed in seeds if not _taught_file(kept, seed).exists()]
+    lessons = [Unit(f"teaching the Sawyer, seed {seed}", (plan, seed, kept)) for seed in untaught]
+    workers.run(teach, lessons, lambda unit, _: progress(unit.name))
+    runs = {
+        f"{name}, {row}, seed {seed}": (plan, name, row, seed, kept)
+        for row in ROWS
+        for name in plan.arms
+        for seed in seeds
+    }
+    results: dict[str, dict[str, Any]] = {}
+
+    def keep(unit: Unit, result: dict[str, Any]) -> None:
+        results[unit.name] = result
+        progress(f"{unit.name}: {100 * np.mean(result['returned']):.0f} % returned")
+
+    workers.run(judged_run, [Unit(*run) for run in runs.items()], keep)
+    found: dict[str, dict[str, list[dict[str, Any]]]] = {
+        name: {row: [results[f"{name}, {row}, seed {seed}"] for seed in seeds] for row in ROWS}
+        for name in plan.arms
+    }
     shown = [load_taught(_taught_file(kept, seed)) for seed in seeds]
     itself = [judge(one.policies, one, seed, plan.balls) for seed, one in enumerate(shown)]
     return {
