@@ -17,7 +17,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from msrd_ros.cluster.workers import Unit, Workers
+from msrd_ros.cluster.unit import Unit
+from msrd_ros.cluster.workers import Workers
 from msrd_ros.contract.episode import ACTING_STEPS
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.learning.trajectories import Transitions
