@@ -21,6 +21,7 @@ from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strategies.table import Strategies
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
+from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
 from msrd_ros.table_tennis.strokes.training import StrokeTrainingConfig, stroke_recipe
 from sawyer import ROBOT
 
@@ -88,13 +89,13 @@ def learn_quickly(episodes: Sequence[Episode], iterations: int = 1) -> MSRD:
     recipe = stroke_recipe(StrokeTrainingConfig(iterations=iterations, episodes=8), labels, ROBOT)
     recipe = replace(
         recipe,
-        discriminator=replace(recipe.discriminator, first_steps=100, batch=256, ema_rate=0.1),
+        discriminator=replace(recipe.discriminator, first_steps=200, batch=256, ema_rate=0.1),
         value=replace(recipe.value, steps=2),
     )
     strategies = Strategies.shipped()
     learner = MSRD(
         recipe,
-        gather_demonstrations(episodes, strategies),
+        replace(gather_demonstrations(episodes, strategies), derived=PaddleColumns(ROBOT)),
         StandingStill(gather_demonstrations([missed(episode) for episode in episodes], strategies)),
         seed=0,
     )

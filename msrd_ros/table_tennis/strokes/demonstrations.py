@@ -10,7 +10,6 @@ from msrd_ros.contract.episode import ACTING_STEPS, FIRST_ACTING_STEP, Episode
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.trajectories import Demonstrations
 from msrd_ros.table_tennis.strategies.table import Strategies
-from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
 from msrd_ros.table_tennis.strokes.policies import stroke_layout
 
 
@@ -40,5 +39,4 @@ def gather_demonstrations(episodes: Sequence[Episode], strategies: Strategies) -
             observations[row, column] = episode.observations[FIRST_ACTING_STEP:]
             actions[row, column] = episode.actions[FIRST_ACTING_STEP : FIRST_ACTING_STEP + ACTING_STEPS]
             lengths[row, column] = horizon
-    layout = stroke_layout(robot, tuple(by_label))
-    return Demonstrations(observations, actions, layout, lengths, derived=PaddleColumns(robot))
+    return Demonstrations(observations, actions, stroke_layout(robot, tuple(by_label)), lengths)

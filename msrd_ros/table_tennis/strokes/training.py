@@ -40,6 +40,7 @@ from msrd_ros.table_tennis.simulation.batched import (
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 from msrd_ros.table_tennis.strokes.description import met_side
+from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
@@ -212,8 +213,9 @@ class StrokeTraining:
         self.config = config
         self.method = method or find_stroke_method(config.method)
         self.strategies = strategies or Strategies.shipped()
-        self.demonstrations = gather_demonstrations(episodes, self.strategies)
+        shown = gather_demonstrations(episodes, self.strategies)
         self.robot = episodes[0].robot
+        self.demonstrations = replace(shown, derived=PaddleColumns(self.robot))
         self._facts = stroke_facts(episodes, landing_points, self.strategies)
         self.labels = tuple(self._facts)
         self.reward_groups = tuple(dict.fromkeys(_groups(config, self.labels, self.strategies)))
