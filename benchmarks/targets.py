@@ -39,7 +39,8 @@ from msrd_ros.table_tennis.simulation.world import World, WorldConfig
 from msrd_ros.table_tennis.strategies.table import Strategies
 from msrd_ros.table_tennis.strokes.aiming import ABOUT_M, NEAR_M
 from msrd_ros.table_tennis.strokes.batched_play import play_batch
-from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies
+from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
+from msrd_ros.table_tennis.strokes.policies import StrokeDraws, StrokePolicies, stroke_layout
 from msrd_ros.table_tennis.strokes.rollouts import play_in_world
 
 Array = NDArray[np.float64]
@@ -155,6 +156,7 @@ def main() -> int:
     if options.rewards and before is not None:
         model = read_rewards(options.rewards)
         assert model is not None, "no rewards in the checkpoint"
+        model = model.on(stroke_layout(robot).observation_names, PaddleColumns(robot))
         values = [strategy_rewards(model, balls.seen) for balls in (before, untold, told)]
         own = [label_rates(one, values[0]) for one in values]
     print(

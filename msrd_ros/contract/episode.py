@@ -35,6 +35,20 @@ BALL_NAMES: tuple[str, ...] = (
 )
 """Columns of the observation that tell of the ball: all that the task reward sees."""
 
+PADDLE_NAMES: tuple[str, ...] = (
+    "paddle_x_m",
+    "paddle_y_m",
+    "paddle_z_m",
+    "paddle_normal_x",
+    "paddle_normal_y",
+    "paddle_normal_z",
+    "paddle_velocity_x_m_s",
+    "paddle_velocity_y_m_s",
+    "paddle_velocity_z_m_s",
+)
+"""What the ball feels of the arm, in `world`: the blade's centre, the normal of its front face, and how the
+centre moves. Strategy rewards see it instead of joints, so that they are of no arm."""
+
 
 def observation_names(robot: Robot) -> tuple[str, ...]:
     """What a policy sees. Joint rates are left out on purpose: a cloned policy would copy its own motion."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from msrd_ros.learning.rewards import RewardForm
 from msrd_ros.recordings.paddle import paddle_poses
 from msrd_ros.robots.loading import load_robot, shipped_robots
 from msrd_ros.robots.robot import Robot
+from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
 from msrd_ros.table_tennis.strokes.policies import stroke_layout
 
 Array = NDArray[np.float64]
@@ -141,14 +142,15 @@ def load_rewards(path: Path, robot: Robot) -> Learned:
             f"{file}: its rewards are not of states with R0 and S_i apart; train with method:=msrd or "
             "vanilla_distillation"
         )
-    return learned
+    names = learned.layout.observation_names
+    return replace(learned, rewards=learned.rewards.on(names, PaddleColumns(robot)))
 
 
 def explain(learned: Learned, episode: Episode) -> Explanation:
     """Ask rewards of `load_rewards` about a stroke of the same arm."""
     seen = slice(FIRST_STEP, None)
-    states = episode.observations[seen]
-    task = learned.task_reward(states)
+    states, before = episode.observations[seen], episode.observations[FIRST_STEP - 1 : -1]
+    task = learned.task_reward(states, before=before)
     time_s = CONTROL_PERIOD_S * np.arange(FIRST_STEP, len(episode.observations), dtype=np.float64)
     ball = episode.ball_position[seen]
     paddle = paddle_poses(episode.robot, episode.joint_position[seen]).place
@@ -159,8 +161,8 @@ def explain(learned: Learned, episode: Episode) -> Explanation:
         ball,
         paddle,
         task,
-        np.stack([learned.strategy_reward(name, states) for name in learned.labels], axis=1),
-        np.array([(learned.reward(name, states) - task).sum() for name in learned.labels]),
+        np.stack([learned.strategy_reward(name, states, before=before) for name in learned.labels], axis=1),
+        np.array([(learned.reward(name, states, before=before) - task).sum() for name in learned.labels]),
         _hit_s(episode, time_s, ball, paddle),
     )
 

@@ -163,6 +163,8 @@ def read_rewards(path: Path) -> RewardModel | None:
             "strategies": len(weights["alpha"]),
             "action_width": len(layout.action_names) if reward["sees_action"] else 0,
             "discount": config["discount"],
+            # Files of before there were derived columns say nothing of them.
+            "columns": averaged.get("columns", layout.observation_names),
         }
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"{path}: no rewards in this checkpoint ({error}); train with msrd") from None

@@ -7,9 +7,12 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.cloning import CloningConfig
+from msrd_ros.learning.derived import DerivedColumns
 from msrd_ros.learning.discriminator import Penalty
 from msrd_ros.learning.networks import Features
 from msrd_ros.learning.rewards import RewardForm
@@ -57,8 +60,13 @@ class FeatureConfig:
                 f"features: {len(self.scales)} scales for {len(self.names)} columns; give one each"
             )
 
-    def build(self, demonstrations: Demonstrations) -> Features:
+    def build(self, demonstrations: Demonstrations, derived: DerivedColumns | None = None) -> Features:
         """Resolve names and scaling against `demonstrations`.
+
+        Parameters
+        ----------
+        derived
+            What may be named beside the observed columns; None: nothing.
 
         Raises
         ------
@@ -67,10 +75,11 @@ class FeatureConfig:
         """
         known = demonstrations.layout.observation_names
         names = self.names or known
-        unknown = [name for name in names if name not in known]
+        columns = known if derived is None else (*known, *derived.names)
+        unknown = [name for name in names if name not in columns]
         if unknown:
-            raise UserError(f"features: no observation column {unknown[0]!r}; there are {', '.join(known)}")
-        indices = tuple(known.index(name) for name in names)
+            raise UserError(f"features: no observation column {unknown[0]!r}; there are {', '.join(columns)}")
+        indices = tuple(columns.index(name) for name in names)
         if self.scales:
             if len(self.scales) != len(names):
                 raise UserError(
@@ -80,9 +89,19 @@ class FeatureConfig:
         steps = np.arange(demonstrations.horizon + 1)
         valid = steps <= demonstrations.step_counts()[..., None]
         valid &= demonstrations.step_counts()[..., None] > 0
-        seen = np.asarray(demonstrations.observations, dtype=np.float64)[valid][:, list(indices)]
+        observed = np.asarray(demonstrations.observations, dtype=np.float64)
+        if derived is not None and max(indices) >= len(known):
+            observed = np.concatenate([observed, _derive_along(derived, observed)], axis=-1)
+        seen = observed[valid][:, list(indices)]
         deviation = np.maximum(seen.std(axis=0), 1e-3 * max(1e-3, float(seen.std(axis=0).max())))
         return Features(indices, tuple(seen.mean(axis=0).tolist()), tuple(deviation.tolist()))
+
+
+def _derive_along(derived: DerivedColumns, observed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derived columns ``[S, M, T+1, D]`` of trajectories; the first state is taken to come from itself."""
+    after = torch.as_tensor(np.nan_to_num(observed), dtype=torch.float32)
+    before = torch.cat([after[:, :, :1], after[:, :, :-1]], dim=2)
+    return np.asarray(derived(before, after), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -98,7 +117,8 @@ class RewardConfig:
     alpha
         Weight alpha_i of S_i in R_i: one value, or one per strategy.
     task_features, strategy_features
-        What R0 and S_i see of the next observation.
+        What R0 and S_i see of the next observation, and of what can be derived from a transition
+        (`Demonstrations.derived`).
     sees_action
         Whether rewards are R(s, a) rather than R(s).
     shaping

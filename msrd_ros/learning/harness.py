@@ -91,6 +91,9 @@ class Task:
     def after_iteration(self, harness: Harness) -> None:
         """After every iteration, its evaluation included."""
 
+    def at_end(self, harness: Harness) -> None:
+        """Once the run is over and written."""
+
     def summary(self, harness: Harness) -> str:
         """A few words for the progress bar."""
         return ""
@@ -194,6 +197,7 @@ class Harness:
                 bar.update()
                 bar.set_postfix_str(self.task.summary(self))
         self._save()
+        self.task.at_end(self)
 
     def _goes_on(self) -> bool:
         """Whether nobody stopped the run; returns once it is not paused."""

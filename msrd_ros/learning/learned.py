@@ -53,7 +53,12 @@ class Learned:
         """Names of the strategies."""
         return self.layout.labels
 
-    def task_reward(self, observations: ArrayLike, actions: ArrayLike | None = None) -> NDArray[np.float64]:
+    def task_reward(
+        self,
+        observations: ArrayLike,
+        actions: ArrayLike | None = None,
+        before: ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
         """R0, what everyone wants.
 
         Parameters
@@ -62,6 +67,8 @@ class Learned:
             States ``[..., O]``: of a transition the one that it leads to.
         actions
             ``[..., A]``, for rewards that were learned with ``sees_action`` alone.
+        before
+            The states ``[..., O]`` that the transitions start from, for rewards of derived columns alone.
 
         Returns
         -------
@@ -76,10 +83,16 @@ class Learned:
         model = self._model()
         if model.form is RewardForm.STRATEGY_ONLY:
             raise UserError(f"{self._method}: learns no task reward; use strategy_reward, or train with msrd")
-        return self._evaluate(observations, actions, 0)[0]
+        if before is None and model.task_features.highest < len(self.layout.observation_names):
+            before = observations  # S_i may see derived columns, and is not asked
+        return self._evaluate(observations, actions, before, 0)[0]
 
     def strategy_reward(
-        self, name: str, observations: ArrayLike, actions: ArrayLike | None = None
+        self,
+        name: str,
+        observations: ArrayLike,
+        actions: ArrayLike | None = None,
+        before: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """S_i, what strategy `name` wants beside the task; arguments and errors as of `task_reward`."""
         row = self._row(name)
@@ -88,7 +101,7 @@ class Learned:
             raise UserError(
                 f"{self._method}: learns no strategy rewards; use task_reward, or train with msrd"
             )
-        return self._evaluate(observations, actions, row)[1]
+        return self._evaluate(observations, actions, before, row)[1]
 
     def reward(
         self,
@@ -96,6 +109,7 @@ class Learned:
         observations: ArrayLike,
         alpha: float | None = None,
         actions: ArrayLike | None = None,
+        before: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """R_i = R0 + alpha S_i, what strategy `name` wants altogether; `alpha` None: as it was trained.
 
@@ -103,7 +117,7 @@ class Learned:
         """
         row = self._row(name)
         model = self._model()
-        task, strategy = self._evaluate(observations, actions, row)
+        task, strategy = self._evaluate(observations, actions, before, row)
         weight = float(model.alpha[row if model.strategies > 1 else 0]) if alpha is None else alpha
         return task + weight * strategy
 
@@ -160,7 +174,9 @@ class Learned:
         if details.pop("trainer", None) is not None:
             rewards = read_rewards(Path(path))
         else:
-            rewards = None if described is None else load_rewards(Path(path), described)
+            # Files of before there were derived columns say nothing of columns.
+            columns = {"columns": policies.layout.observation_names}
+            rewards = None if described is None else load_rewards(Path(path), columns | described)
         return cls(policies, rewards, details)
 
     @property
@@ -179,7 +195,7 @@ class Learned:
 
     @torch.no_grad()
     def _evaluate(
-        self, observations: ArrayLike, actions: ArrayLike | None, row: int
+        self, observations: ArrayLike, actions: ArrayLike | None, before: ArrayLike | None, row: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """R0 and S_i of strategy `row` as the discriminator sums them, 0 where the form has none."""
         model = self._model()
@@ -193,7 +209,12 @@ class Learned:
             if "action_scale" in self.details:
                 centre, half = (torch.tensor(self.details["action_scale"][key]) for key in ("centre", "half"))
                 acted = (acted - centre) / half
-        packed = torch.cat([states, acted, states, torch.zeros(*states.shape[:-1], 2)], dim=-1)
+        start = states
+        if before is not None:
+            start = self._columns("observation", before, self.layout.observation_names)
+        elif max(model.task_features.highest, model.strategy_features.highest) >= states.shape[-1]:
+            raise UserError("these rewards see what follows from two states; pass before=")
+        packed = torch.cat([start, acted, states, torch.zeros(*states.shape[:-1], 2)], dim=-1)
         rows = packed.reshape(1, -1, packed.shape[-1]).expand(model.strategies, -1, -1)
         values = model(Transitions(rows, states.shape[-1], width))
         chosen = row if model.strategies > 1 else 0

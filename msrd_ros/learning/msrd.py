@@ -14,8 +14,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from msrd_ros.core.errors import UserError
 from msrd_ros.learning.cloning import clone
 from msrd_ros.learning.config import MSRDConfig, PolicyReward, RefitConfig, ReplayConfig
+from msrd_ros.learning.derived import features_of
 from msrd_ros.learning.displaced import Displacement
 from msrd_ros.learning.endings import only_valid, require_usable
 from msrd_ros.learning.policies import GaussianPolicies, Policies
@@ -83,12 +85,14 @@ class MSRD:
         self._demonstrations = DemonstrationPool(demonstrations)
         self._displacement = Displacement(self._demonstrations)
         features = config.policy.features.build(demonstrations)
-        task_features = config.reward.task_features.build(demonstrations)
+        derived = demonstrations.derived
+        task_features = config.reward.task_features.build(demonstrations, derived)
+        demonstrated = features_of(task_features, self._demonstrations.everything(), derived)[0]
         self.rewards = RewardModel(
             config.reward.form,
             strategies,
             task_features,
-            config.reward.strategy_features.build(demonstrations),
+            config.reward.strategy_features.build(demonstrations, derived),
             len(self.layout.action_names) if config.reward.sees_action else 0,
             config.reward.hidden,
             config.reward.alpha,
@@ -96,8 +100,16 @@ class MSRD:
             config.reward.shaping,
             config.discount,
             config.reward.reward_groups,
-            Nearness.of(task_features(self._demonstrations.states()), config.reward.nearness),
+            Nearness.of(demonstrated, config.reward.nearness),
+            (*self.layout.observation_names, *(() if derived is None else derived.names)),
+            derived,
         )
+        highest = max(self.rewards.task_features.highest, self.rewards.strategy_features.highest)
+        if config.replay.displaced_share and highest >= len(self.layout.observation_names):
+            raise UserError(
+                "replay.displaced_share: of a displaced state no column can be derived, and rewards see "
+                "some; use 0"
+            )
         self.policies: Policies = policies or GaussianPolicies(
             strategies,
             features,
@@ -283,7 +295,11 @@ class MSRD:
         return {
             "policies": self.policies.state_dict(),
             "rewards": self.rewards.state_dict(),
-            "averaged": {"weights": self._averaged.model.state_dict(), "updates": self._averaged.updates},
+            "averaged": {
+                "weights": self._averaged.model.state_dict(),
+                "updates": self._averaged.updates,
+                "columns": list(self.rewards.columns),
+            },
             "training": self._training.state_dict(),
             "value": self._improvement.value.state_dict(),
             "replay": self._replay.state_dict(),

@@ -184,6 +184,11 @@ class Features(nn.Module):
         """Number of features."""
         return len(self._whole)
 
+    @property
+    def highest(self) -> int:
+        """The last column that is looked at."""
+        return max(self._whole, default=-1)
+
     def forward(self, observations: Tensor) -> Tensor:
         """Map ``[..., O]`` to ``[..., width]``."""
         if self._whole != tuple(range(observations.shape[-1])):

@@ -33,12 +33,16 @@ class DemonstrationPool:
         self._order = torch.argsort((~exists).to(torch.int8), dim=1, stable=True)
         self._steps = torch.as_tensor(steps)
 
-    def states(self) -> Tensor:
-        """All states that demonstrations lead to, of all strategies, ``[N, O]``."""
+    def everything(self) -> Transitions:
+        """All transitions of all strategies in one row, ``[1, N]``."""
         strategies, most = self._steps.shape
         valid = torch.arange(self.horizon) < self._steps[..., None]
-        after = self.transitions.next_observation.reshape(strategies, most, self.horizon, -1)
-        return after[valid]
+        packed = self.transitions.packed.reshape(strategies, most, self.horizon, -1)[valid]
+        return Transitions(packed[None], self.transitions.observation_width, self.transitions.action_width)
+
+    def states(self) -> Tensor:
+        """All states that demonstrations lead to, of all strategies, ``[N, O]``."""
+        return self.everything().next_observation[0]
 
     def choose(self, count: int | None, generator: torch.Generator) -> Tensor:
         """K demonstrations of each strategy without repeats: indices ``[S, K]``; None takes all."""

@@ -29,6 +29,7 @@ def describe_rewards(model: RewardModel) -> dict[str, Any]:
         "nearness": model.nearness is not None,
         "shaping": model.potential_network is not None,
         "discount": model.discount,
+        "columns": list(model.columns),
         "reward_groups": [] if model.reward_groups is None else model.reward_groups.tolist(),
     }
 
@@ -84,6 +85,7 @@ def restore_rewards(described: Mapping[str, Any], own: Mapping[str, Tensor], pat
             Nearness(own["nearness.centre"], own["nearness.deviation"], 0.0)
             if described.get("nearness")
             else None,
+            tuple(described.get("columns", ())),
         )
         model.load_state_dict(own)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:

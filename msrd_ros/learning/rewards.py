@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import cast
@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from msrd_ros.core.errors import UserError
+from msrd_ros.learning.derived import DerivedColumns, features_of
 from msrd_ros.learning.networks import BatchedMLP, Features
 from msrd_ros.learning.trajectories import Transitions
 
@@ -105,6 +106,10 @@ class RewardModel(nn.Module):
         one. Empty: each has its own.
     nearness
         What the network of R0 is added to; None: nothing.
+    columns
+        Names of what the features choose from: observed columns, then derived ones. Empty: nobody has said.
+    derived
+        How the derived ones follow from a transition; None: there are none, or nobody has said.
 
     Attributes
     ----------
@@ -129,8 +134,11 @@ class RewardModel(nn.Module):
         discount: float = 0.99,
         reward_groups: tuple[int, ...] = (),
         nearness: Nearness | None = None,
+        columns: Sequence[str] = (),
+        derived: DerivedColumns | None = None,
     ) -> None:
         super().__init__()
+        self.columns, self.derived = tuple(columns), derived
         reward_groups = reward_groups or tuple(range(strategies))
         if len(reward_groups) != strategies or set(reward_groups) != set(range(max(reward_groups) + 1)):
             raise ValueError(
@@ -210,14 +218,49 @@ class RewardModel(nn.Module):
             discount=self.discount,
             reward_groups=groups,
             nearness=copy.deepcopy(self.nearness),
+            columns=self.columns,
+            derived=self.derived,
         )
         room.task_network.load_state_dict(self.task_network.state_dict())
         return room
+
+    def on(self, observation_names: Sequence[str], derived: DerivedColumns | None = None) -> RewardModel:
+        """The same rewards for other observations, such as those of another robot: columns go by their names.
+
+        Parameters
+        ----------
+        observation_names
+            The observed columns there.
+        derived
+            What follows from transitions there.
+
+        Raises
+        ------
+        UserError
+            If these rewards see a column that is not there; names it.
+        """
+        there = (*observation_names, *(() if derived is None else derived.names))
+        model = copy.deepcopy(self)
+        for part in ("task_features", "strategy_features"):
+            features: Features = getattr(model, part)
+            names = [self.columns[index] for index in features.indices.tolist()]
+            missing = [name for name in names if name not in there]
+            if missing:
+                raise UserError(f"rewards: see {', '.join(missing)}; there are {', '.join(there)}")
+            indices = tuple(there.index(name) for name in names)
+            moved = Features(indices, tuple(features.offset.tolist()), tuple(features.scale.tolist()))
+            setattr(model, part, moved)
+        model.columns, model.derived = there, derived
+        return model
 
     def shaping(self, transitions: Transitions) -> Tensor | float:
         """AIRL's potential-based shaping ``gamma h_i(s') - h_i(s)``, ``[S, N]``, or 0."""
         if self.potential_network is None:
             return 0.0
+        if self.strategy_features.highest >= transitions.observation_width:
+            raise UserError(
+                "rewards: a potential is of states, and S_i sees derived columns; use one of them"
+            )
         after = self.potential_network(self.strategy_features(transitions.next_observation))
         before = self.potential_network(self.strategy_features(transitions.observation))
         return (self.discount * after - before).squeeze(-1)
@@ -231,7 +274,7 @@ class RewardModel(nn.Module):
         return self._inputs(self.strategy_features, transitions)
 
     def _inputs(self, features: Features, transitions: Transitions) -> Tensor:
-        inputs = features(transitions.next_observation)
+        inputs = features_of(features, transitions, self.derived)
         return torch.cat([inputs, transitions.action], dim=-1) if self.sees_action else inputs
 
     def _own(self, inputs: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -17,6 +18,9 @@ from torch import Tensor
 
 from msrd_ros.core.errors import UserError
 from msrd_ros.learning.layout import Layout
+
+if TYPE_CHECKING:
+    from msrd_ros.learning.derived import DerivedColumns
 
 NO_LABEL = ""
 """Label of demonstrations of which nobody has said whose they are."""
@@ -40,6 +44,8 @@ class Demonstrations:
     acting
         ``[S, M]`` steps in which the demonstrator acted; in the valid steps behind them an episode that has
         ended stays where it ended. None: in all T_act.
+    derived
+        What rewards may see beside the observed columns; None: nothing.
     """
 
     observations: NDArray[np.floating]
@@ -47,6 +53,7 @@ class Demonstrations:
     layout: Layout
     lengths: NDArray[np.integer] | None = None
     acting: NDArray[np.integer] | None = None
+    derived: DerivedColumns | None = None
 
     def __post_init__(self) -> None:
         strategies, count, states, width = self.observations.shape
@@ -137,6 +144,7 @@ class Demonstrations:
             replace(self.layout, labels=names),
             lengths,
             None if self.acting is None else acting,
+            self.derived,
         )
 
     def pooled(self, label: str = "all") -> Demonstrations:
@@ -153,6 +161,7 @@ class Demonstrations:
             ),
             None if self.lengths is None else self.lengths.reshape(1, -1),
             None if self.acting is None else self.acting.reshape(1, -1),
+            self.derived,
         )
 
 

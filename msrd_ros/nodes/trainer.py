@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,7 @@ from msrd_ros.table_tennis.strokes.discovery import (
     describe_recheck,
     sort_strokes,
 )
+from msrd_ros.table_tennis.strokes.frozen import REWARDS_FILE, Start, Taught, load_taught, transfer
 from msrd_ros.table_tennis.strokes.newcomer_session import NewcomerSession
 from msrd_ros.table_tennis.strokes.newcomers import StrokeNewcomers
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
@@ -113,6 +114,20 @@ class TrainerConfig:
     resume: bool = parameter(False, "Go on from the checkpoint in `out`")
     overwrite: bool = parameter(False, "Begin anew in an `out` that holds a run, whose results are lost")
     method: str = parameter("msrd", "Learning method", choices=tuple(METHODS))
+    rewards: str = parameter(
+        "",
+        f"The {REWARDS_FILE} of another run, also of another arm: its strokes are learned from its rewards, "
+        "which do not change, and not from bags",
+    )
+    start: str = parameter(
+        Start.RETARGETED.value,
+        "rewards: where policies begin: cloned from the paddle's paths on the arm that was taught, by "
+        "inverse kinematics, or from nothing",
+        choices=tuple(map(str, Start)),
+    )
+    taught_on: str = parameter(
+        "", "rewards: the arm that they were learned on, a name or a folder; empty: the shipped one they name"
+    )
     iterations: int = parameter(
         StrokeTrainingConfig.iterations,
         "Iterations over all strategies",
@@ -196,6 +211,31 @@ class TrainerConfig:
         """Refuse what would have no effect."""
         if self.targets and self.serve:
             raise UserError("parameters targets and serve: newcomers take no target; set one of them alone")
+        if self.rewards:
+            learned_of = (
+                "source",
+                "bags",
+                "topics",
+                "labels",
+                "subjects",
+                "method",
+                "serve",
+                "strategy_rewards",
+            )
+            told = [name for name in learned_of if getattr(self, name) != _default(name)]
+            if told:
+                raise UserError(
+                    f"parameters rewards and {', '.join(told)}: with rewards of another run nothing is "
+                    "learned from bags; leave out one or the other"
+                )
+        elif self.start != Start.RETARGETED or self.taught_on:
+            raise UserError("parameters start and taught_on are for rewards of another run; give rewards")
+
+
+def _default(name: str) -> object:
+    """What a parameter is if nobody says."""
+    field = TrainerConfig.__dataclass_fields__[name]
+    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 class Trainer(ManagedNode):
@@ -228,6 +268,7 @@ class Trainer(ManagedNode):
         self._run: TrainingThread | None = None
         self._failure_at_start: UserError | None = None
         self._found: SortedStrokes | None = None
+        self._taught: Taught | None = None
         self._agreement = ""
         self._policy = self.create_publisher(UInt8MultiArray, "policy", LATCHED)
         self._progress = self.create_publisher(DiagnosticArray, "training/progress", EVENT)
@@ -236,7 +277,9 @@ class Trainer(ManagedNode):
         self.create_service(Trigger, "~/checkpoint", self._on_checkpoint)
         torch.set_num_threads(config.torch_threads)
         self._played: PlayedBags | None = None
-        if config.source == "played":
+        if config.rewards:
+            self._taught = load_taught(Path(config.rewards).expanduser(), config.taught_on)
+        elif config.source == "played":
             self._played = PlayedBags(self, self._robot, self._take, self._refuse, self._discovers)
             of_each = "" if self._discovers else " of each label"
             self.get_logger().info(f"ready: waiting for {config.wanted} demonstrations{of_each}")
@@ -340,13 +383,7 @@ class Trainer(ManagedNode):
             strategy_rewards=config.strategy_rewards,
         )
         self._collector = self._make_collector()
-        training = StrokeTraining(
-            self._episodes,
-            mean_landing_points(self._episodes),
-            settings,
-            self._collector,
-            self._strategies,
-        )
+        training = self._make_training(settings)
         task = RunTask(
             training,
             config.evaluation_balls,
@@ -364,6 +401,23 @@ class Trainer(ManagedNode):
         self._training = training
         self._run = TrainingThread(harness, self._learn_targets if config.targets else None)
         self._held.callback(self._run.close)
+
+    def _make_training(self, settings: StrokeTrainingConfig) -> StrokeTraining:
+        """A run on demonstrations, or on rewards of another run."""
+        if self._taught is None:
+            return StrokeTraining(
+                self._episodes,
+                mean_landing_points(self._episodes),
+                settings,
+                self._collector,
+                self._strategies,
+            )
+        start = Start(self.config.start)
+        run = transfer(self._taught, self._robot, settings, start, self._collector, self._strategies)
+        for line in run.account:
+            self.get_logger().info(line)
+        self._episodes = list(run.episodes)
+        return run.training
 
     def _learn_targets(self, look: Callable[[], None]) -> None:
         """Write and publish policies that take a target, in place of those that take none."""

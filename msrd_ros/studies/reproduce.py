@@ -25,7 +25,7 @@ from msrd_ros.core.errors import UserError
 Finished = tuple[dict[str, Any], Callable[[dict[str, Any]], Path]]
 """A study's numbers, and what writes its report from them."""
 
-STUDIES = ("inverted_pendulum", "hopper", "table_tennis", "flair")
+STUDIES = ("inverted_pendulum", "hopper", "table_tennis", "flair", "rewards")
 ON_RECORDINGS = "ball"
 """The study of recordings that its user has: no part of ``all``."""
 
@@ -166,6 +166,7 @@ def _reproduce(name: str, folder: Path, workers: Workers, options: argparse.Name
             "hopper": partial(_hopper, workers),
             "table_tennis": partial(_table_tennis, workers),
             "flair": partial(_flair, workers, options.data),
+            "rewards": partial(_rewards, workers),
             ON_RECORDINGS: partial(_ball, options.data, options.fit),
         }
         torch.set_num_threads(1)  # small tensors: a second thread costs more than it brings
@@ -220,6 +221,17 @@ def _flair(workers: Workers, data: Path | None, folder: Path, seeds: int | None,
     if seeds is not None:
         plan = replace(plan, seeds=seeds)
     metrics = run_study(plan, folder / "runs", workers, _ticker(), data)
+    return metrics, lambda found: write_report(found, plan, folder)
+
+
+def _rewards(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> Finished:
+    from msrd_ros.studies.rewards.report import write_report
+    from msrd_ros.studies.rewards.study import StudyPlan, run_study
+
+    plan = StudyPlan.quick() if quick else StudyPlan()
+    if seeds is not None:
+        plan = replace(plan, seeds=seeds)
+    metrics = run_study(plan, folder / "runs", workers, _ticker())
     return metrics, lambda found: write_report(found, plan, folder)
 
 

@@ -21,6 +21,7 @@ from msrd_ros.recordings.episodes import read_episodes
 from msrd_ros.table_tennis.strategies.paper import ALL_LABELS
 from msrd_ros.table_tennis.strategies.table import Strategies
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
+from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
 from msrd_ros.table_tennis.strokes.training import StrokeTrainingConfig, stroke_recipe
 from sawyer import ROBOT
 
@@ -94,7 +95,7 @@ def learn_quickly(episodes: Sequence[Episode], iterations: int = 1) -> MSRD:
     strategies = Strategies.shipped()
     learner = MSRD(
         recipe,
-        gather_demonstrations(episodes, strategies),
+        replace(gather_demonstrations(episodes, strategies), derived=PaddleColumns(ROBOT)),
         StandingStill(gather_demonstrations([missed(episode) for episode in episodes], strategies)),
         seed=0,
     )

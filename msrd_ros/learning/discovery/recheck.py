@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,9 @@ def recheck(learned: Learned, demonstrations: Demonstrations, labels: Sequence[s
     UserError
         If a label or the columns are not those of training.
     """
+    if learned.rewards is not None:
+        names_seen = demonstrations.layout.observation_names
+        learned = replace(learned, rewards=learned.rewards.on(names_seen, demonstrations.derived))
     shown = demonstrations.trajectories()
     names, trained_as = learned.labels, labels or [label for _, _, label in shown]
     for label in trained_as:
@@ -116,7 +119,10 @@ def _rewards(learned: Learned, shown: list[tuple[Array, Array, str]], names: tup
         return None
     rewards = np.array(
         [
-            [learned.strategy_reward(name, seen[1 : len(done) + 1], done).mean() for name in names]
+            [
+                learned.strategy_reward(name, seen[1 : len(done) + 1], done, seen[: len(done)]).mean()
+                for name in names
+            ]
             for seen, done, _ in shown
         ]
     )

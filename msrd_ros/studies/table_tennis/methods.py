@@ -12,17 +12,17 @@ from typing import Any
 
 from torch import Tensor
 
-from msrd_ros.learning.config import MSRDConfig, RefitConfig
+from msrd_ros.learning.config import MSRDConfig
 from msrd_ros.learning.harness import Harness, Schedule
 from msrd_ros.learning.method import Method
 from msrd_ros.learning.methods.airl import AirlEach, AirlEachCross
+from msrd_ros.learning.methods.frozen_reward import FrozenReward
 from msrd_ros.learning.methods.msrd import Msrd, MsrdAsPrinted
-from msrd_ros.learning.msrd import MSRD
 from msrd_ros.learning.presets import as_printed
 from msrd_ros.learning.rewards import RewardForm
-from msrd_ros.studies.table_tennis.frozen_reward import FrozenReward
 from msrd_ros.studies.table_tennis.recording import StudyData
 from msrd_ros.table_tennis.strategies.table import Strategies
+from msrd_ros.table_tennis.strokes.frozen import lasting_rewards
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.run import StrokeTask
 from msrd_ros.table_tennis.strokes.training import (
@@ -30,10 +30,6 @@ from msrd_ros.table_tennis.strokes.training import (
     StrokeTrainingConfig,
     stroke_recipe,
 )
-
-REFIT = RefitConfig()
-"""`MSRD.refit_on_replay` before rewards are frozen. With it, and without any price on leaving
-the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.REFERENCE_PRICE`)."""
 
 
 class AirlSixPolicies(Method):
@@ -243,7 +239,7 @@ def learn(
     rewards = dict(trainer.averaged_rewards.state_dict()) if has_rewards else {}
     lasting = {}
     if method.name in {other.frozen_from for other in METHODS.values()}:
-        assert isinstance(trainer, MSRD)
-        steps = min(REFIT.steps, budget.iterations * trainer.config.discriminator.steps)
-        lasting = dict(trainer.refit_on_replay(replace(REFIT, steps=steps)).state_dict())
+        refitted = lasting_rewards(training)
+        assert refitted is not None
+        lasting = dict(refitted.state_dict())
     return Learned(training.policies(), rewards, lasting, report)

@@ -174,8 +174,9 @@ class StrokePolicies:
 
         return act
 
-    def to_bytes(self) -> bytes:
-        """A policy file that holds the strokes' facts, too."""
+    @property
+    def described(self) -> PolicySet:
+        """The networks with the strokes' facts among their details."""
         details = {
             **self.policies.details,
             "strokes": {
@@ -191,7 +192,11 @@ class StrokePolicies:
             "ready_noise_rad": self.ready_noise_rad,
             "robot": self.robot.identity,
         }
-        return replace(self.policies, details=details).to_bytes()
+        return replace(self.policies, details=details)
+
+    def to_bytes(self) -> bytes:
+        """A policy file that holds the strokes' facts, too."""
+        return self.described.to_bytes()
 
     @classmethod
     def from_bytes(cls, data: bytes, where: str, robot: Robot | None = None) -> StrokePolicies:

@@ -18,15 +18,15 @@ from msrd_ros.learning.trpo import TrustRegionConfig
 from msrd_ros.learning.value import ValueConfig
 
 
-def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> MSRDConfig:
-    """Table tennis strokes: R0 sees the ball, S_i the ball and the joints; the arm holds after the stroke.
+def table_tennis(ball_names: tuple[str, ...], paddle_names: tuple[str, ...]) -> MSRDConfig:
+    """Table tennis strokes: R0 sees the ball, S_i the ball and the paddle; the arm holds after the stroke.
 
     Measured on six labels with 12 demonstrations each; the policies start from plain behaviour cloning.
 
     Parameters
     ----------
-    ball_names, joint_names
-        Observation columns of the ball and of the joint positions.
+    ball_names, paddle_names
+        Columns of the ball and of the paddle; neither says anything of an arm.
     """
     return MSRDConfig(
         iterations=80,
@@ -36,7 +36,7 @@ def table_tennis(ball_names: tuple[str, ...], joint_names: tuple[str, ...]) -> M
         policy_reward=PolicyReward.REWARD,
         reward=RewardConfig(
             task_features=FeatureConfig(names=ball_names),
-            strategy_features=FeatureConfig(names=ball_names + joint_names),
+            strategy_features=FeatureConfig(names=ball_names + paddle_names),
         ),
         discriminator=DiscriminatorConfig(
             # The rewards must learn faster than the policies, or both chase each other: with half the steps

@@ -14,6 +14,7 @@ from torch.utils.tensorboard import SummaryWriter
 from msrd_ros.contract.episode import FIRST_ACTING_STEP, Episode
 from msrd_ros.core.files import write_atomically
 from msrd_ros.learning.harness import Harness, Schedule, Task
+from msrd_ros.table_tennis.strokes.frozen import REWARDS_FILE, save_rewards
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 from msrd_ros.table_tennis.strokes.training import POLICIES_FILE, StrokeTraining
 
@@ -104,6 +105,11 @@ class RunTask(StrokeTask):
         }
         returned = {f"returned_{label}": share for label, share in self._returned(harness).items()}
         self._on_iteration({**figures, **returned, **harness.metrics})
+
+    def at_end(self, harness: Harness) -> None:
+        """Write rewards that other arms may learn from."""
+        assert harness.schedule.out is not None
+        save_rewards(self.training, harness.schedule.out / REWARDS_FILE)
 
     def _returned(self, harness: Harness) -> dict[str, float]:
         """Shares by label in the latest evaluation."""

@@ -16,6 +16,7 @@ from msrd_ros.contract.episode import (
     ACTING_STEPS,
     BALL_NAMES,
     FIRST_ACTING_STEP,
+    PADDLE_NAMES,
     Episode,
     action_names,
 )
@@ -40,6 +41,7 @@ from msrd_ros.table_tennis.simulation.changes import AS_TAUGHT, find_change
 from msrd_ros.table_tennis.strategies.table import Strategies, Strategy
 from msrd_ros.table_tennis.strokes.demonstrations import gather_demonstrations
 from msrd_ros.table_tennis.strokes.description import met_side
+from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns
 from msrd_ros.table_tennis.strokes.policies import StrokeFacts, StrokePolicies
 from msrd_ros.table_tennis.strokes.presets import table_tennis, with_recovery_labels
 
@@ -147,7 +149,7 @@ def stroke_recipe(
     strategies: Strategies | None = None,
 ) -> MSRDConfig:
     """Settings of MSRD on strokes of these labels by an arm; other methods' follow from them."""
-    recipe = table_tennis(BALL_NAMES, robot.joint_names)
+    recipe = table_tennis(BALL_NAMES, PADDLE_NAMES)
     owned = _groups(config, labels, strategies or Strategies.shipped())
     groups = list(dict.fromkeys(owned))
     shared = tuple(map(groups.index, owned)) if len(groups) < len(owned) else ()
@@ -215,8 +217,9 @@ class StrokeTraining:
         self.config = config
         self.method = method or find_stroke_method(config.method)
         self.strategies = strategies or Strategies.shipped()
-        self.demonstrations = gather_demonstrations(episodes, self.strategies)
+        shown = gather_demonstrations(episodes, self.strategies)
         self.robot = episodes[0].robot
+        self.demonstrations = replace(shown, derived=PaddleColumns(self.robot))
         self._facts = stroke_facts(episodes, landing_points, self.strategies)
         self.labels = tuple(self._facts)
         self.reward_groups = tuple(dict.fromkeys(_groups(config, self.labels, self.strategies)))
