@@ -70,7 +70,7 @@ class RallyLearningConfig:
         Added to the balls of a generation, shape (9,): standard deviations in m, m/s and rad/s.
     """
 
-    rounds: int = 16
+    rounds: int = 32
     balls: int = 120
     generations: int = 4
     teacher_shares: tuple[float, ...] = (1.0, 1.0, 0.6, 0.3)
