@@ -22,7 +22,7 @@ _BESIDE = (
 )
 
 TOPICS: Mapping[str, TopicFacts] = MappingProxyType({**CONTRACT, **{facts.name: facts for facts in _BESIDE}})
-"""Topics by relative name. All are reliable."""
+"""Topics by relative name. All publishers are reliable; lockstep hears ticks and answers best-effort."""
 
 MEANINGS: Mapping[str, str] = MappingProxyType(
     {

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, UInt8MultiArray
-from trajectory_msgs.msg import JointTrajectory
 
 from made_up_policies import made_up_policies
 from msrd_ros.__main__ import main as command
@@ -83,11 +83,11 @@ def test_faults_are_found_and_a_healthy_stack_is_let_go(
     patient.require("the clock of /simulator stands: it waits for a joint_command: start an executor")
 
     deaf = node.create_publisher(
-        JointTrajectory, "joint_command", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        Odometry, "feed", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     )
     camera = node.create_publisher(PointStamped, "ball/position", 10)
     patient.require(
-        "/simulator cannot hear /joint_command from /test_observer: ",
+        "/simulator cannot hear /feed from /test_observer: ",
         "/ball/position has 2 sources: /simulator, /test_observer -> stop all but one",
     )
     node.destroy_publisher(deaf)

@@ -13,6 +13,7 @@ from playwright.sync_api import Locator, Page, expect
 from browser import ask_unasked, browser_path, open_page
 from msrd_ros.core.resources import shipped_bags
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
+from msrd_ros.table_tennis.strokes.training import StrokeTrainingConfig
 from renamed_bags import rename_strokes
 from stack import START_TIMEOUT_S, Stack
 from studio_stack import start_page, start_studio, wait_for_page
@@ -83,7 +84,7 @@ def test_studio_learn_offers_what_is_recorded_and_what_comes_with_the_package(pa
     expect(page.locator("#own-labels label")).to_have_text([f"{OWN} 9"])
     expect(page.locator("#shipped-labels label")).to_have_count(6)
     expect(page.locator("#no-runs")).to_be_visible()
-    expect(page.locator("#iterations")).to_have_value("80")
+    expect(page.locator("#iterations")).to_have_value(str(StrokeTrainingConfig.iterations))
     expect(page.locator("#policy-rule")).to_contain_text("after every fifth iteration")
 
 

@@ -1,4 +1,4 @@
-"""Arms that nobody has taught: the UR10e, and Sawyers that are slower than the one that was taught."""
+"""Arms that nobody has taught: others that ship, and slower ones than the one that was taught."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from msrd_ros.core.files import write_atomically
 from msrd_ros.robots.loading import DESCRIPTION_FILE, SHEET_FILE, load_robot
 from msrd_ros.robots.robot import Robot
 
-_VARIANT = re.compile(r"sawyer_(?P<share>\d+)_percent")
+_VARIANT = re.compile(r"(?P<arm>.+)_(?P<share>\d+)_percent")
 
 
 def arm(name: str, folder: Path) -> Robot:
-    """A shipped arm by its name, or ``sawyer_<n>_percent``: a Sawyer with n % of the speed limits.
+    """A shipped arm by its name, or ``<name>_<n>_percent``: with n % of its speed limits.
 
     Parameters
     ----------
@@ -24,7 +24,9 @@ def arm(name: str, folder: Path) -> Robot:
         Where descriptions of arms that do not ship are written.
     """
     found = _VARIANT.fullmatch(name)
-    return load_robot(name) if found is None else slower(load_robot("sawyer"), int(found["share"]), folder)
+    return (
+        load_robot(name) if found is None else slower(load_robot(found["arm"]), int(found["share"]), folder)
+    )
 
 
 def slower(robot: Robot, percent: int, folder: Path) -> Robot:

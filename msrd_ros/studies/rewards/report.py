@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from msrd_ros.reports.page import Report
+from msrd_ros.robots.default import DEFAULT_ROBOT
 from msrd_ros.studies.rewards.study import StudyPlan
 
 TITLES = {
@@ -25,16 +26,16 @@ def write_report(metrics: dict[str, Any], plan: StudyPlan, folder: Path) -> Path
     """Write ``report.html`` into `folder`; returns its path."""
     report = Report(
         "Taught on one arm, played on another",
-        "A Sawyer is taught six strokes. Can other arms, which nobody shows anything, learn them from its "
+        "An arm is taught six strokes. Can others, which nobody shows anything, learn them from its "
         "rewards where moving its paddle's path over to them is not enough?",
     )
     report.heading("Returned")
     report.paragraph(
         f"Mean and range over {plan.seeds} seed(s); {plan.balls} balls a stroke and seed in the batched "
         "simulator, whose arms follow every command exactly. Spin right: of the returned balls. Own reward: "
-        "how many of the Sawyer's strategy rewards are highest along their own stroke as the row plays it."
+        "how many of the strategy rewards are highest along their own stroke as the row plays it."
     )
-    report.table(list(COLUMNS), [row_of("sawyer, which was taught", metrics["taught"])])
+    report.table(list(COLUMNS), [row_of(f"{DEFAULT_ROBOT}, which was taught", metrics["taught"])])
     for name, rows in metrics["arms"].items():
         report.heading(name)
         report.table(list(COLUMNS), [row_of(TITLES[row], results) for row, results in rows.items()])
@@ -50,8 +51,8 @@ def write_report(metrics: dict[str, Any], plan: StudyPlan, folder: Path) -> Path
     )
     report.heading("Conditions")
     report.paragraph(
-        f"The Sawyer: {plan.taught_iterations} iterations of MSRD on the bags that ship, {plan.episodes} "
-        "rollouts a stroke in each; rewards refitted on replay, then frozen. Other arms: "
+        f"{DEFAULT_ROBOT}: {plan.taught_iterations} iterations of MSRD on the bags that ship, {plan.episodes}"
+        " rollouts a stroke in each; rewards refitted on replay, then frozen. Other arms: "
         f"{plan.iterations} iterations. The arms were chosen by retargeting alone, on a seed that is not "
         "judged."
     )

@@ -33,8 +33,8 @@ REFIT = RefitConfig()
 the clone, the same stroke was still at 88 % after 60 iterations (see `frozen_reward.REFERENCE_PRICE`)."""
 
 RETARGETED_PRICE = 0.1
-"""Of a nat away from retargeted clones. Where these are poor they must be left: on an arm on which 47 % of
-the balls came back, 1 (of clones that are nearly right) led to 56 % in 30 iterations, .1 to 61."""
+"""Of a nat away from retargeted clones, less than the 1 of clones that are nearly right: poor ones must be
+left."""
 
 
 class Start(StrEnum):
