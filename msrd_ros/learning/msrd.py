@@ -248,9 +248,7 @@ class MSRD:
         reward: Tensor = self.rewards(generated).combined
         if self.config.policy_reward is PolicyReward.LOGIT:
             reward = reward - generated.log_prob
-        if self._reference.price:
-            reward = reward - self._reference.cost(generated, self.policies)
-        return reward
+        return self._reference.charge(reward, generated, self.policies)
 
     def _collect(self, episodes: int, collector: Collector) -> Rollouts:
         rollouts = collector.collect(self.policies, episodes, self._rng)

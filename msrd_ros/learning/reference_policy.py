@@ -31,6 +31,10 @@ class ReferencePolicy:
         self._policies = copy.deepcopy(policies)
         self.price = price
 
+    def charge(self, reward: Tensor, transitions: Transitions, policies: Policies) -> Tensor:
+        """What ``reward [S, N]`` is once the price is paid."""
+        return reward - self.cost(transitions, policies) if self.price else reward
+
     @torch.no_grad()
     def cost(self, transitions: Transitions, policies: Policies) -> Tensor:
         """What ``[S, N]`` steps of policies cost, ``[S, N]``; nothing where nobody acts."""

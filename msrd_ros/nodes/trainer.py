@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +76,10 @@ from msrd_ros.table_tennis.strokes.training import (
 DISCOVER = "discover"
 """As `labels`: strategies are found, and strokes need no label."""
 _ANY = "any strategy"
+
+
+LEARNED_OF = "source", "bags", "topics", "labels", "subjects", "method", "serve", "strategy_rewards"
+"""Parameters that say what is learned of; rewards of another run leave nothing of it to say."""
 
 
 @dataclass(frozen=True)
@@ -212,17 +216,8 @@ class TrainerConfig:
         if self.targets and self.serve:
             raise UserError("parameters targets and serve: newcomers take no target; set one of them alone")
         if self.rewards:
-            learned_of = (
-                "source",
-                "bags",
-                "topics",
-                "labels",
-                "subjects",
-                "method",
-                "serve",
-                "strategy_rewards",
-            )
-            told = [name for name in learned_of if getattr(self, name) != _default(name)]
+            usual = TrainerConfig()
+            told = [name for name in LEARNED_OF if getattr(self, name) != getattr(usual, name)]
             if told:
                 raise UserError(
                     f"parameters rewards and {', '.join(told)}: with rewards of another run nothing is "
@@ -230,12 +225,6 @@ class TrainerConfig:
                 )
         elif self.start != Start.RETARGETED or self.taught_on:
             raise UserError("parameters start and taught_on are for rewards of another run; give rewards")
-
-
-def _default(name: str) -> object:
-    """What a parameter is if nobody says."""
-    field = TrainerConfig.__dataclass_fields__[name]
-    return field.default if field.default_factory is MISSING else field.default_factory()
 
 
 class Trainer(ManagedNode):

@@ -181,13 +181,16 @@ def _reproduce(name: str, folder: Path, workers: Workers, options: argparse.Name
     print(f"\n{report}\n{folder / 'metrics.json'}")
 
 
+def _asked(seeds: int | None) -> dict[str, Any]:
+    """What of a study's plan was asked for."""
+    return {} if seeds is None else {"seeds": seeds}
+
+
 def _inverted_pendulum(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> Finished:
     from msrd_ros.studies.inverted_pendulum.report import write_report
     from msrd_ros.studies.inverted_pendulum.study import StudyPlan, run_study
 
-    plan = StudyPlan.quick() if quick else StudyPlan()
-    if seeds is not None:
-        plan = replace(plan, seeds=seeds)
+    plan = replace(StudyPlan.quick() if quick else StudyPlan(), **_asked(seeds))
     metrics = run_study(plan, folder / "runs", workers, _ticker())
     return metrics, lambda found: write_report(found, plan, folder)
 
@@ -196,9 +199,7 @@ def _hopper(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> F
     from msrd_ros.studies.hopper.report import write_report
     from msrd_ros.studies.hopper.study import StudyPlan, run_study
 
-    plan = StudyPlan.quick() if quick else StudyPlan()
-    if seeds is not None:
-        plan = replace(plan, seeds=seeds)
+    plan = replace(StudyPlan.quick() if quick else StudyPlan(), **_asked(seeds))
     metrics = run_study(plan, folder / "runs", workers, _ticker())
     return metrics, lambda found: write_report(found, plan, folder)
 
@@ -207,9 +208,7 @@ def _table_tennis(workers: Workers, folder: Path, seeds: int | None, quick: bool
     from msrd_ros.studies.table_tennis.report import write_report
     from msrd_ros.studies.table_tennis.study import StudyPlan, run_study
 
-    plan = StudyPlan.quick() if quick else StudyPlan()
-    if seeds is not None:
-        plan = replace(plan, seeds=seeds)
+    plan = replace(StudyPlan.quick() if quick else StudyPlan(), **_asked(seeds))
     return run_study(plan, folder, workers, _ticker()), lambda found: write_report(found, folder)
 
 
@@ -217,9 +216,7 @@ def _flair(workers: Workers, data: Path | None, folder: Path, seeds: int | None,
     from msrd_ros.studies.lunar_lander.report import write_report
     from msrd_ros.studies.lunar_lander.study import StudyPlan, run_study
 
-    plan = StudyPlan.quick() if quick else StudyPlan()
-    if seeds is not None:
-        plan = replace(plan, seeds=seeds)
+    plan = replace(StudyPlan.quick() if quick else StudyPlan(), **_asked(seeds))
     metrics = run_study(plan, folder / "runs", workers, _ticker(), data)
     return metrics, lambda found: write_report(found, plan, folder)
 
@@ -228,9 +225,7 @@ def _rewards(workers: Workers, folder: Path, seeds: int | None, quick: bool) -> 
     from msrd_ros.studies.rewards.report import write_report
     from msrd_ros.studies.rewards.study import StudyPlan, run_study
 
-    plan = StudyPlan.quick() if quick else StudyPlan()
-    if seeds is not None:
-        plan = replace(plan, seeds=seeds)
+    plan = replace(StudyPlan.quick() if quick else StudyPlan(), **_asked(seeds))
     metrics = run_study(plan, folder / "runs", workers, _ticker())
     return metrics, lambda found: write_report(found, plan, folder)
 

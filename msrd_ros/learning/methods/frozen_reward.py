@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -51,9 +52,8 @@ class FrozenRewardTraining(MSRD):
         rollouts = self._collect(self.config.episodes, self._collector)
         transitions = self._transitions(rollouts)
         with torch.no_grad():
-            reward = self._paid(rollouts, transitions)
-            if self._reference.price:
-                reward = reward - self._reference.cost(transitions, self.policies)
+            paid = self._paid(rollouts, transitions)
+            reward = self._reference.charge(paid, transitions, self.policies)
         reward = reward.reshape(*rollouts.actions.shape[:2], -1)
         metrics = self._improvement.improve(rollouts, reward, self.progress)
         self.iterations_done += 1
@@ -88,6 +88,7 @@ class FrozenReward(Method):
     name = "frozen_reward"
     title = "frozen R0 + S_i"
     has_rewards = False
+    training: ClassVar[type[FrozenRewardTraining]] = FrozenRewardTraining
 
     def __init__(self, rewards: RewardModel | None = None, price: float = REFERENCE_PRICE) -> None:
         self._rewards, self._price = rewards, price
@@ -99,7 +100,7 @@ class FrozenReward(Method):
     def start(self, problem: Problem) -> FrozenRewardTraining:
         """The run before its first step."""
         config = self.configure(problem.config, problem.demonstrations.strategies)
-        return FrozenRewardTraining(replace(problem, config=config), self._rewards)
+        return self.training(replace(problem, config=config), self._rewards)
 
 
 class EnvironmentReward(FrozenReward):
@@ -107,8 +108,4 @@ class EnvironmentReward(FrozenReward):
 
     name = "environment_reward"
     title = "the true reward"
-
-    def start(self, problem: Problem) -> EnvironmentRewardTraining:
-        """The run before its first step."""
-        config = self.configure(problem.config, problem.demonstrations.strategies)
-        return EnvironmentRewardTraining(replace(problem, config=config))
+    training = EnvironmentRewardTraining

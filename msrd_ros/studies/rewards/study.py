@@ -29,9 +29,7 @@ from msrd_ros.studies.rewards.arms import arm
 from msrd_ros.studies.rewards.true_reward import TrueReward, right_spins
 from msrd_ros.studies.shared.cache import cache_key, cached
 from msrd_ros.studies.table_tennis.statistics import diagonal_wins
-from msrd_ros.table_tennis.simulation.batched import (
-    RallyVariation,
-)
+from msrd_ros.table_tennis.simulation.batched import RallyVariation
 from msrd_ros.table_tennis.strokes.batched_play import play_batch
 from msrd_ros.table_tennis.strokes.frozen import Start, Taught, load_taught, price_of, save_rewards, transfer
 from msrd_ros.table_tennis.strokes.paddle_columns import PaddleColumns

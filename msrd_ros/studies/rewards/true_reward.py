@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from msrd_ros.contract.labels import StrategyLabel
 from msrd_ros.learning.method import Problem
-from msrd_ros.learning.methods.frozen_reward import EnvironmentReward, EnvironmentRewardTraining
+from msrd_ros.learning.methods.frozen_reward import EnvironmentReward, FrozenRewardTraining
 from msrd_ros.learning.policies import Policies
 from msrd_ros.learning.rollouts import BatchedCollector
 from msrd_ros.learning.trajectories import Rollouts
@@ -62,7 +62,7 @@ class Referee(BatchedCollector):
 class TrueReward(EnvironmentReward):
     """TRPO on what a `Referee` pays, in the batched simulator."""
 
-    def start(self, problem: Problem) -> EnvironmentRewardTraining:
+    def start(self, problem: Problem) -> FrozenRewardTraining:
         """The same balls and start postures; only who pays is another."""
         collector = problem.collector
         if not isinstance(collector, BatchedCollector) or not isinstance(

@@ -25,7 +25,7 @@ from msrd_ros.table_tennis.arm.collision_model import MARGIN_M
 from msrd_ros.table_tennis.arm.via_point_path import room
 from msrd_ros.table_tennis.ball.feeder import SPREADS
 from msrd_ros.table_tennis.simulation.batched import RallyVariation
-from msrd_ros.table_tennis.strokes.batched_play import batch_policy, make_simulator
+from msrd_ros.table_tennis.strokes.batched_play import play_batch
 from msrd_ros.table_tennis.strokes.policies import StrokePolicies
 
 Array = NDArray[np.float64]
@@ -92,22 +92,17 @@ def play_returned(policies: StrokePolicies, config: RetargetingConfig) -> dict[S
     UserError
         If a strategy returns nothing.
     """
-    variation = RallyVariation(SPREADS[config.spread])
-    rng = np.random.default_rng((config.seed, 0x2E7A))
     targets = np.stack(
         [np.repeat(facts.landing_point[None], 2 * config.strokes, 0) for facts in policies.facts.values()]
     )
-    simulator, act = make_simulator(policies, variation, 1), batch_policy(policies, targets)
-    seen = [simulator.reset(len(policies.facts), 2 * config.strokes, rng)]
-    rest = np.zeros((*seen[0].shape[:2], policies.robot.joint_count))
-    for step in range(simulator.horizon):
-        seen.append(simulator.step(act(seen[-1]) if step < ACTING_STEPS else rest))
-    played, returned = np.stack(seen, axis=2), simulator.results().returned
+    rng = np.random.default_rng((config.seed, 0x2E7A))
+    results, played = play_batch(policies, targets, RallyVariation(SPREADS[config.spread]), rng)
+    returned = results.returned
     found = {}
     for row, label in enumerate(policies.labels):
         if not returned[row].any():
             raise UserError(f"{label}: no ball of {2 * config.strokes} is returned; give policies that play")
-        found[label] = played[row, returned[row]][: config.strokes]
+        found[label] = played[row, returned[row]][: config.strokes].astype(np.float64)
     return found
 
 
